@@ -85,13 +85,13 @@ impl ColourPoseRecord {
     }
 }
 
-/// Log odds before the first frame: of four cameras one has colour of another time or scene.
+/// Log odds before the first frame, as if one of four cameras had colour of another time or scene.
 const FIRST_NATS: f64 = 1.0;
 /// Share of a frame's evidence that is its own: those of frames that follow each other correlate by half.
 const OWN_SHARE: f64 = 1.0 / 3.0;
 /// Log odds from which on colour that was found wrong is believed again: ten to one.
 const AGAIN_NATS: f64 = 2.3;
-/// Log odds, at most: colour goes wrong, or right, in one of a thousand frames.
+/// Log odds, at most, as if colour went wrong, or right, in one of a thousand frames.
 const MOST_NATS: f64 = 7.0;
 /// Least share that a frame has in the running mean.
 const LEAST_SHARE: f64 = 0.1;

@@ -262,7 +262,7 @@ impl JointMap {
             input_hash: input_hash(&own.keyframes),
             keyframes,
             frames: Vec::new(),
-            loops: optimiser.to_say(request, loops),
+            loops: optimiser.to_name(request, loops),
             submaps,
             outer_iterations: solved.solution.outer_iterations,
             n_graduated_rounds: solved.solution.n_rounds,

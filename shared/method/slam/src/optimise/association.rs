@@ -10,7 +10,7 @@ use crate::optimise::kept_matches::KeptMatches;
 use crate::optimise::keyframe_searches::PairSearcher;
 use crate::optimise::known_pairs::KnownPairs;
 use crate::optimise::matchables::Matchables;
-use crate::optimise::said_loops::SaidLoops;
+use crate::optimise::named_loops::NamedLoops;
 use crate::pairs::covisibility;
 use crate::pairs::feature_cache::{FeatureCache, PairIds};
 use crate::pairs::match_cache::{MatchCache, has_left};
@@ -47,8 +47,8 @@ pub(crate) struct Keyframes<'a> {
     pub(crate) matchables: Matchables<'a>,
     pub(crate) cache: &'a FeatureCache,
     pub(crate) matches: &'a MatchCache,
-    /// What earlier optimisations said of loops.
-    pub(crate) said: &'a SaidLoops,
+    /// Loops that earlier corrections named.
+    pub(crate) named: &'a NamedLoops,
     /// Where they searched, or refused.
     pub(crate) kept: &'a KeptMatches,
 }
@@ -77,7 +77,7 @@ impl<'a> KeyframeAssociation<'a> {
         let kept = of.kept.places(&of.keyframes.iter().map(|k| k.id).collect::<Vec<_>>());
         let places = covisibility::pairs(poses, of.origins, &kept);
         let mut chosen = KnownPairs::new(&places, of.keyframes, |places| of.closes_loop(places));
-        chosen.recall(of.kept, of.said, of.matches);
+        chosen.recall(of.kept, of.named, of.matches);
         chosen.recall_from(&self.chosen);
         (self.chosen, self.chosen_at) = (chosen, poses.to_vec());
     }
@@ -117,7 +117,7 @@ impl<'a> KeyframeAssociation<'a> {
         let of = &self.of;
         let keyframes = (of.keyframes, of.origins);
         let matchables = (&of.matchables, of.cache);
-        let is_refused = |ids: &PairIds| of.said.is_contradicted(ids);
+        let is_refused = |ids: &PairIds| of.named.is_contradicted(ids);
         let asked =
             AskedPairs { newer: &open, poses, most_apart_m: self.most_apart_m, is_refused: &is_refused };
         for found in from_appearance::pairs(of.context, keyframes, matchables, &asked, progress) {

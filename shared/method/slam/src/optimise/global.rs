@@ -12,7 +12,7 @@ use crate::optimise::culled::{self, CulledKeyframes, RunFrames};
 use crate::optimise::held::held;
 use crate::optimise::kept_matches::KeptMatches;
 use crate::optimise::matchables::Matchables;
-use crate::optimise::said_loops::SaidLoops;
+use crate::optimise::named_loops::NamedLoops;
 use crate::optimise::sample_cache::Drawn;
 use crate::pairs::feature_cache::{FeatureCache, PairIds};
 use crate::pairs::match_cache::MatchCache;
@@ -53,8 +53,8 @@ pub(crate) struct Start<'a> {
     pub(crate) cache: &'a FeatureCache,
     pub(crate) matches: &'a MatchCache,
     pub(crate) kept: &'a KeptMatches,
-    /// What earlier optimisations said of loops.
-    pub(crate) said: &'a SaidLoops,
+    /// Loops that earlier corrections named.
+    pub(crate) named: &'a NamedLoops,
     /// The frames of the runs whose culled keyframes are solved for as well; others move along with their anchors.
     pub(crate) runs: &'a [RunFrames<'a>],
 }
@@ -91,7 +91,7 @@ fn solve_uncontradicted(start: &Start<'_>, submaps: &Submaps, progress: &mut dyn
             && farthest_m.is_finite()
             && brought_together::is_contradicted(start.context, keyframes, start.surfaces, poses);
         if !is_contradicted {
-            // The pairs that were refused are part of the answer: of what is said of a pair the last counts.
+            // The pairs that were refused are part of the answer: of the verdicts on a pair the last counts.
             solution.loops.extend(refused);
             solution.loops.sort_by_key(|l| (l.newer, l.older));
             return solution;
@@ -105,8 +105,8 @@ fn solve_uncontradicted(start: &Start<'_>, submaps: &Submaps, progress: &mut dyn
 fn refused_pairs(solution: &Solution, most_apart_m: f64) -> impl Iterator<Item = LoopRecord> + '_ {
     let far = solution.recognised.iter().filter(move |(_, apart_m)| *apart_m > most_apart_m);
     far.filter_map(|(ids, _)| {
-        let said = solution.loops.iter().rfind(|l| (l.newer, l.older) == *ids)?;
-        Some(LoopRecord { weight: 0.0, verdict: LoopVerdict::Contradicted, ..*said })
+        let named = solution.loops.iter().rfind(|l| (l.newer, l.older) == *ids)?;
+        Some(LoopRecord { weight: 0.0, verdict: LoopVerdict::Contradicted, ..*named })
     })
 }
 
@@ -144,7 +144,7 @@ fn solve_joined(
         matchables: Matchables::new(context, keyframes, start.surfaces, start.drawn),
         cache: start.cache,
         matches: start.matches,
-        said: start.said,
+        named: start.named,
         kept: start.kept,
     };
     let mut association = KeyframeAssociation::new(of);

@@ -27,8 +27,8 @@ impl<'a> Keyframes<'a> {
         let now = poses[target].inverse() * poses[query];
         let kept = known.at.filter(|(_, pose)| !has_left(pose, &now));
         // What was refused somewhere else is tested again.
-        let said = known.said.filter(|said| kept.is_some() || !said.verdict.is_of_where_it_was());
-        let before = if known.is_loop { known.tested.or(said) } else { None };
+        let named = known.named.filter(|named| kept.is_some() || !named.verdict.is_of_where_it_was());
+        let before = if known.is_loop { known.tested.or(named) } else { None };
         let tested = before.or_else(|| known.is_loop.then(|| self.test(searcher, known.places, &now)));
         let verdict = tested.map_or(LoopVerdict::Accepted, |tested| tested.verdict);
         let seen = self.seen(searcher, known, verdict, &kept.map_or(now, |(_, pose)| pose));

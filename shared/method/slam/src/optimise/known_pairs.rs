@@ -1,11 +1,11 @@
 //! The pairs of an optimisation with what is known of each, so that an iteration looks nothing up: kept in the order of
-//! the search and filled once from what earlier optimisations said.
+//! the search and filled once from what earlier corrections named.
 
 use crate::map::records::MatchPose;
 use crate::map::sorted_keys::values_of;
 use crate::map::state::KeyframeState;
 use crate::optimise::kept_matches::KeptMatches;
-use crate::optimise::said_loops::SaidLoops;
+use crate::optimise::named_loops::NamedLoops;
 use crate::pairs::feature_cache::PairIds;
 use crate::pairs::match_cache::{MatchCache, MatchedPair};
 use crate::pairs::verification::Tested;
@@ -25,8 +25,8 @@ pub(crate) struct KnownPair {
     pub(crate) at: Option<(MatchPose, Pose)>,
     /// Whether that is of the last iteration.
     pub(crate) is_searched: bool,
-    /// What earlier optimisations said of it.
-    pub(crate) said: Option<Tested>,
+    /// What the last correction that named it found.
+    pub(crate) named: Option<Tested>,
     /// Its tests in this optimisation.
     pub(crate) tested: Option<Tested>,
     /// Those of the last iteration; `None` for odometry.
@@ -63,13 +63,13 @@ impl KnownPairs {
     }
 
     /// Takes in what earlier optimisations left.
-    pub(crate) fn recall(&mut self, kept: &KeptMatches, said: &SaidLoops, matches: &MatchCache) {
+    pub(crate) fn recall(&mut self, kept: &KeptMatches, named: &NamedLoops, matches: &MatchCache) {
         let ids: Vec<PairIds> = self.in_order().map(|pair| pair.ids).collect();
-        let known = zip(zip(kept.of(&ids), said.of(&ids)), matches.of(&ids));
-        for (&k, ((at, said), matched)) in zip(&self.by_ids, known) {
+        let known = zip(zip(kept.of(&ids), named.of(&ids)), matches.of(&ids));
+        for (&k, ((at, named), matched)) in zip(&self.by_ids, known) {
             let at =
                 at.map(|at| (at, matched.as_ref().map_or_else(|| at.pose(), |known| known.pose_at(&at))));
-            self.pairs[k] = KnownPair { at, said, matched, ..std::mem::take(&mut self.pairs[k]) };
+            self.pairs[k] = KnownPair { at, named, matched, ..std::mem::take(&mut self.pairs[k]) };
         }
     }
 
@@ -97,7 +97,7 @@ mod tests {
     use crate::map::test_wall::keyframe;
     use tessera_geometry::PoseBits;
 
-    fn said(pairs: &[(PairIds, f64)]) -> SaidLoops {
+    fn named(pairs: &[(PairIds, f64)]) -> NamedLoops {
         let record = |&((newer, older), overlap): &(PairIds, f64)| LoopRecord {
             newer,
             older,
@@ -109,25 +109,25 @@ mod tests {
             verdict: LoopVerdict::Accepted,
         };
         let pose = |id| KeyframePose { id, world_from_camera: PoseBits::IDENTITY };
-        let mut said = SaidLoops::default();
-        said.take(&Correction {
+        let mut named = NamedLoops::default();
+        named.take(&Correction {
             keyframes: (0..10).map(pose).collect(),
             loops: pairs.iter().map(record).collect(),
             ..Correction::default()
         });
-        said
+        named
     }
 
     #[test]
     fn pairs_in_the_order_of_the_search_know_what_was_said_of_them_by_their_ids() {
         let keyframes = [2, 5, 7, 9].map(|id| keyframe(id, 0, 0.0));
-        let said = said(&[((7, 2), 0.2), ((9, 2), 0.3), ((9, 7), 0.4)]);
+        let named = named(&[((7, 2), 0.2), ((9, 2), 0.3), ((9, 7), 0.4)]);
         let overlaps = |pairs: &KnownPairs| -> Vec<Option<f64>> {
-            pairs.pairs.iter().map(|pair| Some(pair.said?.overlap)).collect()
+            pairs.pairs.iter().map(|pair| Some(pair.named?.overlap)).collect()
         };
         // By the older keyframe.
         let mut pairs = KnownPairs::new(&[(2, 0), (3, 0), (2, 1), (3, 2)], &keyframes, |_| true);
-        pairs.recall(&KeptMatches::default(), &said, &MatchCache::default());
+        pairs.recall(&KeptMatches::default(), &named, &MatchCache::default());
         assert_eq!(overlaps(&pairs), [Some(0.2), Some(0.3), None, Some(0.4)]);
         let in_order: Vec<PairIds> = pairs.in_order().map(|pair| pair.ids).collect();
         assert_eq!(in_order, [(7, 2), (7, 5), (9, 2), (9, 7)]);

@@ -17,9 +17,9 @@ use crate::optimise::answer;
 use crate::optimise::culled::RunFrames;
 use crate::optimise::global::{self, Solution, Start};
 use crate::optimise::kept_matches::KeptMatches;
+use crate::optimise::named_loops::NamedLoops;
 use crate::optimise::refine::{FrameHistory, Refiner};
 use crate::optimise::refine_camera::refine_camera;
-use crate::optimise::said_loops::SaidLoops;
 use crate::optimise::sample_cache::Drawn;
 use crate::pairs::feature_cache::{FeatureCache, PairIds};
 use crate::pairs::match_cache::MatchCache;
@@ -40,8 +40,8 @@ pub struct Optimiser {
     /// Requests with what they ask for.
     pending: VecDeque<Pending>,
     n_answered: u64,
-    /// What the corrections so far say of loop pairs of the working map.
-    said: SaidLoops,
+    /// Loop pairs of the working map that the corrections so far named.
+    named: NamedLoops,
     kept: KeptMatches,
     drawn: Drawn,
     cache: FeatureCache,
@@ -74,7 +74,7 @@ pub(crate) struct SolvedKeyframes {
 pub struct OptimiserState<'a> {
     state: Cow<'a, TrackerState>,
     n_answered: u64,
-    said: Cow<'a, SaidLoops>,
+    named: Cow<'a, NamedLoops>,
     kept: Cow<'a, KeptMatches>,
 }
 
@@ -86,7 +86,7 @@ impl Optimiser {
             context,
             pending: VecDeque::new(),
             n_answered: 0,
-            said: SaidLoops::default(),
+            named: NamedLoops::default(),
             kept: KeptMatches::default(),
             drawn: Drawn::default(),
             cache: FeatureCache::default(),
@@ -137,7 +137,7 @@ impl Optimiser {
         let correction = record.correction();
         self.n_answered = self.n_answered.max(correction.request.saturating_add(1));
         self.pending.retain(|pending| pending.request.request > correction.request);
-        self.said.take(correction);
+        self.named.take(correction);
         self.kept.take(record);
     }
 
@@ -167,7 +167,7 @@ impl Optimiser {
         self.pending.is_empty().then_some(OptimiserState {
             state: Cow::Borrowed(&self.state),
             n_answered: self.n_answered,
-            said: Cow::Borrowed(&self.said),
+            named: Cow::Borrowed(&self.named),
             kept: Cow::Borrowed(&self.kept),
         })
     }
@@ -179,7 +179,7 @@ impl Optimiser {
             state: snapshot.state.into_owned(),
             pending: VecDeque::new(),
             n_answered: snapshot.n_answered,
-            said: snapshot.said.into_owned(),
+            named: snapshot.named.into_owned(),
             kept: snapshot.kept.into_owned(),
             drawn: Drawn::default(),
             cache: FeatureCache::default(),
@@ -239,7 +239,7 @@ impl Optimiser {
             refinement,
             outer_iterations: solution.outer_iterations,
             n_graduated_rounds: solution.n_rounds,
-            loops: self.to_say(request, solved.solution.loops),
+            loops: self.to_name(request, solved.solution.loops),
             submaps: solved.solution.submaps,
         };
         Some(OptimiseRecord::Incremental(Box::new(correction), changes))
@@ -270,7 +270,7 @@ impl Optimiser {
             matches: &self.matches,
             // What is final is searched anew.
             kept: if pending.request.is_final { &KeptMatches::default() } else { &self.kept },
-            said: &self.said,
+            named: &self.named,
             runs,
         };
         let solution = global::solve(&start, submaps, progress);
@@ -279,10 +279,10 @@ impl Optimiser {
         SolvedKeyframes { active, solution, solved, poses }
     }
 
-    /// The loop pairs, by ids that rise, that a correction names: those that have another verdict than was said
+    /// The loop pairs, by ids that rise, that a correction names: those that have another verdict than was named
     /// before, and in the final one all.
-    pub(crate) fn to_say(&self, request: &RequestRecord, loops: Vec<LoopRecord>) -> Vec<LoopRecord> {
-        if request.is_final { loops } else { self.said.unsaid(loops) }
+    pub(crate) fn to_name(&self, request: &RequestRecord, loops: Vec<LoopRecord>) -> Vec<LoopRecord> {
+        if request.is_final { loops } else { self.named.not_named(loops) }
     }
 
     /// How the pairs of an answer differ from those before it; none of the final one, which nothing follows.

@@ -1,23 +1,11 @@
 //! Records of version 16: a frame's evidence of noise had the mean residual of its surfaces where that of the two
 //! halves of the image is now, and its causes were a sentence with three answers beside it.
 
-use super::before_18::Colour16;
+use super::before_18::{AlignOf, EvidenceOf};
 use serde::{Deserialize, Serialize};
 use tessera_journal::decode;
-use tessera_slam::{
-    AlignRecord, AppliedCorrection, BlockRecord, Cause, ColourPoseRecord, ColourRecord, EvidenceRecord,
-    FrameRecord, MapChange, MapRecord, NoiseRecord, PoseRecord, RequestRecord, SkippedFrames, State,
-};
+use tessera_slam::{AlignRecord, Cause, FrameRecord, MapChange, NoiseRecord, PoseRecord, State};
 use tessera_surface::WorkloadLevel;
-
-#[derive(Serialize, Deserialize)]
-enum Align16 {
-    Frame(Box<Frame16>),
-    Skipped(SkippedFrames),
-    Correction(Box<AppliedCorrection>),
-    End { n_frames: u64, request: Option<RequestRecord> },
-    Map(Box<MapRecord>),
-}
 
 #[derive(Serialize, Deserialize)]
 struct Frame16 {
@@ -31,7 +19,7 @@ struct Frame16 {
     lost_nanos: i64,
     evidence_nats: f64,
     pose: PoseRecord,
-    evidence: Evidence16,
+    evidence: EvidenceOf<Noise16>,
     change: MapChange,
 }
 
@@ -51,15 +39,6 @@ impl Causes16 {
         let Self { is_degenerate, is_relocalisation_asked, has_too_few_points } = self;
         vec![Cause::Recorded { words, is_degenerate, is_relocalisation_asked, has_too_few_points }]
     }
-}
-
-#[derive(Serialize, Deserialize)]
-struct Evidence16 {
-    repeats_colour: bool,
-    colour: Option<Colour16>,
-    noise: Option<Noise16>,
-    colour_pose: Option<ColourPoseRecord>,
-    blocks: Vec<BlockRecord>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -83,14 +62,6 @@ impl From<Noise16> for NoiseRecord {
     }
 }
 
-impl From<Evidence16> for EvidenceRecord {
-    fn from(evidence: Evidence16) -> Self {
-        let Evidence16 { repeats_colour, colour, noise, colour_pose, blocks } = evidence;
-        let (colour, noise) = (colour.map(ColourRecord::from), noise.map(NoiseRecord::from));
-        Self { repeats_colour, colour, noise, colour_pose, blocks }
-    }
-}
-
 impl From<Frame16> for FrameRecord {
     fn from(frame: Frame16) -> Self {
         Self {
@@ -111,13 +82,7 @@ impl From<Frame16> for FrameRecord {
 
 /// The aligner's record in a payload of that version.
 pub(super) fn align(payload: &[u8]) -> Result<AlignRecord, String> {
-    Ok(match decode(payload)? {
-        Align16::Frame(frame) => AlignRecord::Frame(Box::new((*frame).into())),
-        Align16::Skipped(skipped) => AlignRecord::Skipped(skipped),
-        Align16::Correction(correction) => AlignRecord::Correction(correction),
-        Align16::End { n_frames, request } => AlignRecord::End { n_frames, request },
-        Align16::Map(map) => AlignRecord::Map(map),
-    })
+    decode::<AlignOf<Frame16>>(payload).map(AlignRecord::from)
 }
 
 #[cfg(test)]

@@ -9,9 +9,10 @@ use tessera_slam::{
 };
 use tessera_surface::WorkloadLevel;
 
+/// The aligner's record of versions 16 and 17, with the frames `F` of one of them.
 #[derive(Serialize, Deserialize)]
-enum Align17 {
-    Frame(Box<Frame17>),
+pub(super) enum AlignOf<F> {
+    Frame(Box<F>),
     Skipped(SkippedFrames),
     Correction(Box<AppliedCorrection>),
     End { n_frames: u64, request: Option<RequestRecord> },
@@ -29,15 +30,16 @@ struct Frame17 {
     lost_nanos: i64,
     evidence_nats: f64,
     pose: PoseRecord,
-    evidence: Evidence17,
+    evidence: EvidenceOf<Noise17>,
     change: MapChange,
 }
 
+/// A frame's evidence of both versions, with the noise record `N` of one of them.
 #[derive(Serialize, Deserialize)]
-struct Evidence17 {
+pub(super) struct EvidenceOf<N> {
     repeats_colour: bool,
     colour: Option<Colour16>,
-    noise: Option<Noise17>,
+    noise: Option<N>,
     colour_pose: Option<ColourPoseRecord>,
     blocks: Vec<BlockRecord>,
 }
@@ -74,9 +76,12 @@ impl From<Noise17> for NoiseRecord {
     }
 }
 
-impl From<Evidence17> for EvidenceRecord {
-    fn from(evidence: Evidence17) -> Self {
-        let Evidence17 { repeats_colour, colour, noise, colour_pose, blocks } = evidence;
+impl<N> From<EvidenceOf<N>> for EvidenceRecord
+where
+    NoiseRecord: From<N>,
+{
+    fn from(evidence: EvidenceOf<N>) -> Self {
+        let EvidenceOf { repeats_colour, colour, noise, colour_pose, blocks } = evidence;
         let (colour, noise) = (colour.map(ColourRecord::from), noise.map(NoiseRecord::from));
         Self { repeats_colour, colour, noise, colour_pose, blocks }
     }
@@ -100,13 +105,22 @@ impl From<Frame17> for FrameRecord {
     }
 }
 
+impl<F> From<AlignOf<F>> for AlignRecord
+where
+    FrameRecord: From<F>,
+{
+    fn from(record: AlignOf<F>) -> Self {
+        match record {
+            AlignOf::Frame(frame) => Self::Frame(Box::new((*frame).into())),
+            AlignOf::Skipped(skipped) => Self::Skipped(skipped),
+            AlignOf::Correction(correction) => Self::Correction(correction),
+            AlignOf::End { n_frames, request } => Self::End { n_frames, request },
+            AlignOf::Map(map) => Self::Map(map),
+        }
+    }
+}
+
 /// The aligner's record in a payload of that version.
 pub(super) fn align(payload: &[u8]) -> Result<AlignRecord, String> {
-    Ok(match decode(payload)? {
-        Align17::Frame(frame) => AlignRecord::Frame(Box::new((*frame).into())),
-        Align17::Skipped(skipped) => AlignRecord::Skipped(skipped),
-        Align17::Correction(correction) => AlignRecord::Correction(correction),
-        Align17::End { n_frames, request } => AlignRecord::End { n_frames, request },
-        Align17::Map(map) => AlignRecord::Map(map),
-    })
+    decode::<AlignOf<Frame17>>(payload).map(AlignRecord::from)
 }

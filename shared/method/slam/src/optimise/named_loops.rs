@@ -1,4 +1,4 @@
-//! What the corrections of a run have said of loop pairs: a correction names those of which it says something
+//! Loop pairs that the corrections of a run have named: a correction names those of which it tells something
 //! else, so that the journals grow with the way and not with the map.
 
 use crate::map::records::{Correction, LoopRecord, LoopVerdict};
@@ -12,15 +12,15 @@ use std::iter::zip;
 /// Factor of a pair's cost below which the optimiser set it aside.
 const LITTLE_WEIGHT: f64 = 0.5;
 
-/// Loop pairs of the working map, by the ids of the newer and the older keyframe, with what was last said: a
+/// Loop pairs of the working map, by the ids of the newer and the older keyframe, as last named: a
 /// fold over the corrections.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub(crate) struct SaidLoops(BTreeMap<PairIds, (Tested, bool)>);
+pub(crate) struct NamedLoops(BTreeMap<PairIds, (Tested, bool)>);
 
-impl SaidLoops {
+impl NamedLoops {
     /// Takes the next correction in; pairs of keyframes that it no longer solves for are forgotten.
     pub(crate) fn take(&mut self, correction: &Correction) {
-        let said = |l: &LoopRecord| {
+        let named = |l: &LoopRecord| {
             let tested = Tested {
                 overlap: l.overlap,
                 in_front: l.in_front,
@@ -29,31 +29,33 @@ impl SaidLoops {
             };
             ((l.newer, l.older), (tested, l.weight >= LITTLE_WEIGHT))
         };
-        self.0.extend(correction.loops.iter().map(said));
+        self.0.extend(correction.loops.iter().map(named));
         if !correction.keyframes.is_empty() {
             let is_named = |id: u32| correction.keyframes.binary_search_by_key(&id, |k| k.id).is_ok();
             self.0.retain(|(newer, older), _| is_named(*newer) && is_named(*older));
         }
     }
 
-    /// The records that say more than what was said; their ids rise.
-    pub(crate) fn unsaid(&self, loops: Vec<LoopRecord>) -> Vec<LoopRecord> {
+    /// The records that tell more than was named; their ids rise.
+    pub(crate) fn not_named(&self, loops: Vec<LoopRecord>) -> Vec<LoopRecord> {
         let before = values_of(loops.iter().map(|pair| (pair.newer, pair.older)), self.0.iter());
-        let is_said = |pair: &LoopRecord, (said, has_weight): &(Tested, bool)| {
-            (said.verdict, *has_weight) == (pair.verdict, pair.weight >= LITTLE_WEIGHT)
+        let is_named = |pair: &LoopRecord, (named, has_weight): &(Tested, bool)| {
+            (named.verdict, *has_weight) == (pair.verdict, pair.weight >= LITTLE_WEIGHT)
         };
-        let news = zip(&loops, before).filter(|(pair, said)| said.is_none_or(|said| !is_said(pair, said)));
+        let news =
+            zip(&loops, before).filter(|(pair, named)| named.is_none_or(|named| !is_named(pair, named)));
         news.map(|(pair, _)| *pair).collect()
     }
 
-    /// What was said of these pairs, whose ids rise. One that lost its weight had passed its tests.
+    /// These pairs as last named, whose ids rise. One that lost its weight had passed its tests.
     pub(crate) fn of(&self, pairs: &[PairIds]) -> impl Iterator<Item = Option<Tested>> {
         let verdict = |verdict: LoopVerdict| match verdict {
             LoopVerdict::Outvoted => LoopVerdict::Accepted,
-            said => said,
+            named => named,
         };
-        let said = move |(tested, _): &(Tested, bool)| Tested { verdict: verdict(tested.verdict), ..*tested };
-        values_of(pairs.iter().copied(), self.0.iter()).map(move |known| known.map(said))
+        let named =
+            move |(tested, _): &(Tested, bool)| Tested { verdict: verdict(tested.verdict), ..*tested };
+        values_of(pairs.iter().copied(), self.0.iter()).map(move |known| known.map(named))
     }
 
     /// Whether a pair is of two places that look alike.
@@ -83,24 +85,29 @@ mod tests {
     }
 
     #[test]
-    fn a_pair_is_said_again_where_its_verdict_or_its_weight_changes_and_forgotten_with_its_keyframe() {
+    fn a_pair_is_named_again_where_its_verdict_or_its_weight_changes_and_forgotten_with_its_keyframe() {
         use LoopVerdict::{Accepted, Inconsistent, Outvoted};
-        let mut said = SaidLoops::default();
+        let mut named = NamedLoops::default();
         let first = [pair(8, 1, Accepted, 1.0), pair(9, 1, Outvoted, 0.0), pair(9, 2, Inconsistent, 0.0)];
-        let unsaid = |said: &SaidLoops, loops: &[LoopRecord]| -> Vec<PairIds> {
-            said.unsaid(loops.to_vec()).iter().map(|pair| (pair.newer, pair.older)).collect()
+        let not_named = |named: &NamedLoops, loops: &[LoopRecord]| -> Vec<PairIds> {
+            named.not_named(loops.to_vec()).iter().map(|pair| (pair.newer, pair.older)).collect()
         };
-        assert_eq!(unsaid(&said, &first[..1]), [(8, 1)]);
-        said.take(&correction(&[1, 2, 8, 9], &first));
-        assert_eq!(unsaid(&said, &first), []);
-        assert_eq!(unsaid(&said, &[pair(8, 1, Accepted, 0.9)]), [], "a weight moves in each optimisation");
+        assert_eq!(not_named(&named, &first[..1]), [(8, 1)]);
+        named.take(&correction(&[1, 2, 8, 9], &first));
+        assert_eq!(not_named(&named, &first), []);
+        assert_eq!(
+            not_named(&named, &[pair(8, 1, Accepted, 0.9)]),
+            [],
+            "a weight moves in each optimisation"
+        );
         let others = [pair(8, 1, Accepted, 0.4), pair(9, 2, Accepted, 1.0)];
-        assert_eq!(unsaid(&said, &others), [(8, 1), (9, 2)]);
-        let verdicts: Vec<_> = said.of(&[(8, 0), (8, 1), (9, 1), (9, 2)]).map(|t| Some(t?.verdict)).collect();
+        assert_eq!(not_named(&named, &others), [(8, 1), (9, 2)]);
+        let verdicts: Vec<_> =
+            named.of(&[(8, 0), (8, 1), (9, 1), (9, 2)]).map(|t| Some(t?.verdict)).collect();
         assert_eq!(verdicts, [None, Some(Accepted), Some(Accepted), Some(Inconsistent)]);
-        said.take(&correction(&[], &[]));
-        assert_eq!(unsaid(&said, &first), [], "a request that was declined");
-        said.take(&correction(&[1, 8, 9], &[pair(9, 1, Accepted, 1.0)]));
-        assert_eq!(unsaid(&said, &first), [(9, 1), (9, 2)]);
+        named.take(&correction(&[], &[]));
+        assert_eq!(not_named(&named, &first), [], "a request that was declined");
+        named.take(&correction(&[1, 8, 9], &[pair(9, 1, Accepted, 1.0)]));
+        assert_eq!(not_named(&named, &first), [(9, 1), (9, 2)]);
     }
 }
