@@ -70,6 +70,14 @@ fn accumulate(it: &Accumulate<'_>, places: Range<usize>) -> BlockSums {
     sums
 }
 
+/// Factor of `u u^T` in Omega for `d`, and the other way round (method 4.2); `w`: the weight.
+#[inline(always)]
+pub(crate) fn information_along_normals(w: Lanes, d: [Lanes; 3], epsilon: f32) -> Lanes {
+    let s = 1.0 - epsilon;
+    let (two_epsilon, half_s) = (Lanes::splat(2.0 * epsilon), Lanes::splat(0.5 * s));
+    w * Lanes::splat(0.25 * s) / (two_epsilon + half_s * dot(d, d))
+}
+
 /// Adds eight places.
 #[inline(always)]
 fn add_lanes(it: &Accumulate<'_>, at: usize, sums: &mut GicpSums) {
@@ -84,11 +92,8 @@ fn add_lanes(it: &Accumulate<'_>, at: usize, sums: &mut GicpSums) {
     // Omega = I/2 + (s/4) / (2 eps + s |d|^2/2) u u^T + (s/4) / (2 eps + s |u|^2/2) d d^T, s = 1 - eps.
     // No inverse, no division by zero, and good to 1e-6 in f32. Only the first of the three terms, that along the
     // normals, is what a match measures: see TANGENTIAL.
-    let s = 1.0 - it.epsilon;
-    let quarter = w * Lanes::splat(0.25 * s);
-    let (two_epsilon, half_s) = (Lanes::splat(2.0 * it.epsilon), Lanes::splat(0.5 * s));
-    let plus = quarter / (two_epsilon + half_s * dot(d, d));
-    let minus = quarter / (two_epsilon + half_s * dot(u, u));
+    let plus = information_along_normals(w, d, it.epsilon);
+    let minus = information_along_normals(w, u, it.epsilon);
     let minus = minus * Lanes::splat(TANGENTIAL);
     let half = w * Lanes::splat(0.5 * TANGENTIAL);
     let entry = |r: usize, c: usize| plus * u[r] * u[c] + minus * d[r] * d[c];

@@ -11,8 +11,8 @@ mod sampling;
 mod settings;
 
 pub use association::{
-    FreeSpaceView, GridCamera, KdTree, Match, MatchLimits, Matcher, PairReport, Queries, Selection,
-    ShutterTable, Target, mark_free_space,
+    FreeSpaceView, GridCamera, KdTree, Match, MatchLimits, Matcher, PairReport, Queries, ReadoutSums,
+    Selection, ShutterTable, Target, mark_free_space,
 };
 pub use sampling::{Sample, Sampler, gather};
 pub use settings::{RegistrationSettings, SearchMethod, WeightSettings};

@@ -18,8 +18,11 @@ mod submaps;
 mod tracker;
 mod tracking;
 
-pub use estimation::colour_model::{ColourModel, ColourPoseRecord, ColourRecord, ColourState};
+pub use estimation::colour_model::{
+    CameraEvidence, ColourModel, ColourPoseRecord, ColourRecord, ColourState,
+};
 pub use estimation::noise_scales::{NoiseRecord, NoiseScales, NoiseState};
+pub use estimation::readout::ReadoutRecord;
 pub use evidence::same_place::{PlaceEvidence, PlaceProbe};
 pub use map::appearance::{Ferns, N_FERNS, PlaceCode, similarity};
 pub use map::cameras::{SessionCamera, SessionCameras};

@@ -11,6 +11,7 @@
 
 mod before_17;
 mod before_18;
+mod before_19;
 
 use tessera_journal::{RecordKind, decode};
 use tessera_slam::{AlignRecord, OptimiseRecord};
@@ -18,11 +19,12 @@ use tessera_slam::{AlignRecord, OptimiseRecord};
 /// The aligner's journal.
 pub const ALIGN_JOURNAL: RecordKind<AlignRecord> = RecordKind {
     name: "align",
-    version: 18,
+    version: 19,
     oldest: 16,
     earlier: |version, payload| match version {
         16 => before_17::align(payload),
-        _ => before_18::align(payload),
+        17 => before_18::align(payload),
+        _ => before_19::align(payload),
     },
 };
 /// The optimiser's journal.

@@ -312,7 +312,7 @@ fn print_looks(walk: &RidesWalk, frames: &[&FrameRecord]) {
     for (k, frame) in frames.iter().enumerate() {
         let known = frame.change.contradiction;
         let was_trusted = colour.is_trusted();
-        let seen = frames[..=k].iter().map(|f| (f.evidence.colour.as_ref(), f.evidence.colour_pose.as_ref()));
+        let seen = frames[..=k].iter().map(|frame| frame.evidence.of_camera());
         colour = ColourState::of_records(ColourModel::default(), seen);
         if colour.is_trusted() != was_trusted {
             let trust = if was_trusted { "no longer trusted" } else { "trusted again" };

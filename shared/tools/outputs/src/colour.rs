@@ -14,6 +14,10 @@ pub struct ColourSummary {
     pub applied_lag_s: f64,
     /// As the lag.
     pub applied_focal_ratio: f64,
+    /// Seconds from the exposure of the first row to that of the last, with its standard deviation.
+    pub readout_s: [f64; 2],
+    /// What was applied of it at the end.
+    pub applied_readout_s: f64,
     /// Residual of features against the surfaces after the correction, pixels.
     pub residual_px: f64,
     /// Log odds that colour is of the time and place of depth, nats.
@@ -31,6 +35,8 @@ impl ColourSummary {
             colour_focal_ratio: [1.0 + ratio, ratio_sigma],
             applied_lag_s: state.model.lag_s,
             applied_focal_ratio: state.model.focal_ratio,
+            readout_s: state.readout_s(),
+            applied_readout_s: state.model.readout_s,
             residual_px: state.residual_px,
             own_nats: state.own_nats,
             is_believed: state.is_trusted(),
@@ -72,10 +78,11 @@ mod tests {
         foreign.evidence.colour = Some(ColourRecord { nats: -3.0, ..colour });
         assert!(!summary(none, &vec![foreign; 10]).unwrap().is_believed);
         // What the camera file states is applied before anything is certain.
-        let stated = ColourModel { lag_s: 0.015, focal_ratio: 0.95 };
+        let stated = ColourModel { lag_s: 0.015, focal_ratio: 0.95, readout_s: 0.02 };
         let mut audited = frames[0].clone();
         audited.evidence.colour_pose = None;
         let found = summary(stated, &[audited]).unwrap();
         assert_eq!((found.applied_lag_s, found.applied_focal_ratio), (0.015, 0.95));
+        assert_eq!(found.applied_readout_s, 0.02);
     }
 }

@@ -165,10 +165,7 @@ impl Replay {
 
     /// What all frames say of colour against depth, from what the camera file states on.
     pub fn colour(&self, stated: ColourModel) -> ColourState {
-        ColourState::of_records(
-            stated,
-            self.frames.iter().map(|f| (f.evidence.colour.as_ref(), f.evidence.colour_pose.as_ref())),
-        )
+        ColourState::of_records(stated, self.frames.iter().map(|frame| frame.evidence.of_camera()))
     }
 
     /// The keyframes of the main component, each with its corrected `world_from_camera`.

@@ -6,6 +6,7 @@ use crate::association::limits::MatchLimits;
 use crate::association::projection::GridCamera;
 use crate::association::projective_search::{Located, SeenBy};
 use crate::association::queries::{Chosen, Queries, Selection, Straighten};
+use crate::association::readout::{ReadoutSums, SumReadout};
 use crate::association::rejection::{self, Reject, Rejection};
 use crate::association::target::{Target, flat};
 use crate::gicp::Accumulate;
@@ -153,6 +154,25 @@ impl Matcher {
         let n_queries = n_queries as u32;
         let n_matches = sums.upper.n + sums.lower.n;
         (sums, PairReport { n_queries, n_in_view, n_matches, median_residual_sigmas, n_in_front })
+    }
+
+    /// What the matches found last, by this target and pose, tell of the readout.
+    pub fn readout_sums(
+        &self,
+        queries: &Queries,
+        target: &Target<'_>,
+        target_from_query: &Pose,
+    ) -> ReadoutSums {
+        self.arch.dispatch(SumReadout {
+            found: &self.found,
+            chosen: &self.chosen,
+            q: &self.located.q,
+            motion: &flat(target_from_query),
+            query: queries.shutter(),
+            target: *target.shutter,
+            n_rows: [self.own_camera, self.camera].map(|camera| camera.grid.height as f32),
+            epsilon: self.settings.weight.covariance_epsilon,
+        })
     }
 
     /// Where the chosen queries fall in the target's grid.

@@ -12,6 +12,7 @@ mod matches;
 mod projection;
 mod projective_search;
 mod queries;
+mod readout;
 pub(crate) mod rejection;
 mod target;
 
@@ -22,4 +23,5 @@ pub use matcher::{Matcher, PairReport};
 pub use matches::Match;
 pub use projection::GridCamera;
 pub use queries::{Queries, Selection};
+pub use readout::ReadoutSums;
 pub use target::{ShutterTable, Target};

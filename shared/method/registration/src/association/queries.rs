@@ -99,6 +99,11 @@ impl Chosen {
         n
     }
 
+    /// Their rows in the grid.
+    pub(crate) fn rows(&self) -> &[f32] {
+        &self.rows
+    }
+
     pub(crate) fn len(&self) -> usize {
         self.rows.len()
     }

@@ -75,8 +75,14 @@ impl ShutterTable {
     /// `exp(velocity seconds) * p`.
     #[inline(always)]
     pub(crate) fn move_point<T: Real>(&self, p: [T; 3], seconds: T) -> [T; 3] {
-        let first = scale(seconds, add(cross(splat(self.phi), p), splat(self.rho)));
+        let first = scale(seconds, self.speed(p));
         self.finish(p, first, seconds)
+    }
+
+    /// How fast a point at rest moves in the camera's frame, with its sign changed.
+    #[inline(always)]
+    pub(crate) fn speed<T: Real>(&self, p: [T; 3]) -> [T; 3] {
+        add(cross(splat(self.phi), p), splat(self.rho))
     }
 
     /// The rotation of `exp(velocity seconds)` applied to a direction.

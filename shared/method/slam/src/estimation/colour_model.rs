@@ -1,33 +1,41 @@
-//! How colour lies against depth, estimated while running: time lag and ratio of focal lengths; and whether
-//! colour is trusted.
+//! What is estimated of the camera while running: time lag and ratio of focal lengths of colour against depth, the
+//! readout of both, and whether colour is trusted.
 //!
-//! The parameters are the maximum of their posterior ([`crate::estimation::colour_pose`] gives the likelihood); each
-//! is applied where its own deviation tells that it is not zero.
+//! The parameters are the maximum of their posterior. Lag and ratio ([`crate::estimation::colour_pose`] gives the
+//! likelihood) are applied where their own deviations tell that they are not zero; the readout
+//! ([`crate::estimation::readout`]) as it is known, so that no rule decides between a shutter and none.
 
 use crate::estimation::colour_pose::{ColourParameters, ParameterMatrix, ParameterSums};
+use crate::estimation::readout::{ReadoutRecord, ReadoutState};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::Camera;
 
-/// Lag and focal ratio as applied to the pixels of features.
+/// Lag and focal ratio as applied to the pixels of features, and the readout.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ColourModel {
     /// Seconds by which colour is newer than the depth of the same stamp.
     pub lag_s: f64,
     /// Focal length of colour over that of depth.
     pub focal_ratio: f64,
+    /// Seconds from the exposure of the first row to that of the last.
+    pub readout_s: f64,
 }
 
 impl Default for ColourModel {
     fn default() -> Self {
-        Self { lag_s: 0.0, focal_ratio: 1.0 }
+        Self { lag_s: 0.0, focal_ratio: 1.0, readout_s: 0.0 }
     }
 }
 
 impl ColourModel {
     /// The model of a camera file.
     pub fn of_camera(camera: &Camera) -> Self {
-        Self { lag_s: camera.colour_lag_s, focal_ratio: camera.colour_focal_ratio }
+        Self {
+            lag_s: camera.colour_lag_s,
+            focal_ratio: camera.colour_focal_ratio,
+            readout_s: camera.readout_s,
+        }
     }
 
     fn parameters(&self) -> ColourParameters {
@@ -85,6 +93,10 @@ impl ColourPoseRecord {
     }
 }
 
+/// What a frame tells of its camera: the audit of its colour, the equations of lag and ratio, and that of the readout.
+pub type CameraEvidence<'a> =
+    (Option<&'a ColourRecord>, Option<&'a ColourPoseRecord>, Option<&'a ReadoutRecord>);
+
 /// Log odds before the first frame, as if one of four cameras had colour of another time or scene.
 const FIRST_NATS: f64 = 1.0;
 /// Share of a frame's evidence that is its own: those of frames that follow each other correlate by half.
@@ -123,6 +135,8 @@ pub struct ColourState {
     /// Sums of the records, older ones less.
     information: [f64; 3],
     gradient: [f64; 2],
+    /// What is known of the readout.
+    readout: ReadoutState,
     /// Running residual, pixels.
     pub residual_px: f64,
     /// Log odds of "colour is of its time and place", nats.
@@ -139,6 +153,7 @@ impl Default for ColourState {
             n_frames: 0,
             information: precisions(PRIOR_SIGMAS),
             gradient: [0.0; 2],
+            readout: ReadoutState::stated(0.0),
             residual_px: FIRST_RESIDUAL_PX,
             own_nats: FIRST_NATS,
             is_trusted: true,
@@ -155,22 +170,20 @@ impl ColourState {
     /// The state before the first frame: what the camera file states is applied, and the frames go on
     /// from there; where it states nothing, nothing is known.
     pub fn stated(model: ColourModel) -> Self {
-        if model == ColourModel::default() {
-            return Self::default();
+        let readout = ReadoutState::stated(model.readout_s);
+        if (model.lag_s, model.focal_ratio) == (0.0, 1.0) {
+            return Self { model, readout, ..Self::default() };
         }
         let information = precisions(STATED_SIGMAS);
         let [lag, _, ratio] = information;
         let gradient = [lag * model.lag_s, ratio * (model.focal_ratio - 1.0)];
-        Self { information, gradient, model, ..Self::default() }
+        Self { information, gradient, model, readout, ..Self::default() }
     }
 
     /// The state as of these records of frames, in their order.
-    pub fn of_records<'a>(
-        stated: ColourModel,
-        frames: impl IntoIterator<Item = (Option<&'a ColourRecord>, Option<&'a ColourPoseRecord>)>,
-    ) -> Self {
+    pub fn of_records<'a>(stated: ColourModel, frames: impl IntoIterator<Item = CameraEvidence<'a>>) -> Self {
         let mut state = Self::stated(stated);
-        frames.into_iter().for_each(|(audit, pose)| state.apply(audit, pose));
+        frames.into_iter().for_each(|evidence| state.apply(evidence));
         state
     }
 
@@ -181,12 +194,15 @@ impl ColourState {
     }
 
     /// Takes a frame's records in.
-    pub(crate) fn apply(&mut self, audit: Option<&ColourRecord>, pose: Option<&ColourPoseRecord>) {
+    pub(crate) fn apply(&mut self, (audit, pose, readout): CameraEvidence<'_>) {
         if let Some(record) = audit {
             self.apply_audit(record);
         }
         if let Some(record) = pose {
             self.apply_pose(record);
+        }
+        if let Some(record) = readout {
+            self.apply_readout(record);
         }
     }
 
@@ -213,6 +229,20 @@ impl ColourState {
             self.gradient[k] = (1.0 - FORGETTING) * self.gradient[k] + record.gradient[k];
         }
         self.decide();
+    }
+
+    /// Takes a frame's equation of the readout in; what is applied changes where it moved by its deviation.
+    fn apply_readout(&mut self, record: &ReadoutRecord) {
+        self.readout.apply(record, FORGETTING);
+        let [value, sigma] = self.readout.estimate();
+        if (value - self.model.readout_s).abs() > sigma {
+            self.model.readout_s = value;
+        }
+    }
+
+    /// The readout with its standard deviation, seconds.
+    pub fn readout_s(&self) -> [f64; 2] {
+        self.readout.estimate()
     }
 
     /// Whether features may lead: otherwise colour is of another time or another scene.

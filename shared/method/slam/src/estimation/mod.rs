@@ -4,3 +4,4 @@ pub(crate) mod colour_model;
 pub(crate) mod colour_pose;
 pub(crate) mod motion_filter;
 pub(crate) mod noise_scales;
+pub(crate) mod readout;

@@ -82,8 +82,12 @@ impl Context {
 
     /// The same with what is known of colour.
     pub(crate) fn with_colour(&self, colour: &ColourState, noise: &NoiseState) -> Self {
-        let model = if self.mapping.features.correct { colour.model } else { ColourModel::default() };
+        let readout_s = colour.model.readout_s;
+        let uncorrected = ColourModel { readout_s, ..ColourModel::default() };
+        let model = if self.mapping.features.correct { colour.model } else { uncorrected };
+        let camera = Camera { readout_s, ..self.camera.clone() };
         Self {
+            camera,
             colour: model,
             own_colour: model,
             scales: noise.scales(),
@@ -109,7 +113,8 @@ impl Context {
     /// The same with colour registered to depth by this model.
     #[must_use]
     pub fn with_colour_model(self, colour: ColourModel) -> Self {
-        Self { colour, own_colour: colour, ..self }
+        let camera = Camera { readout_s: colour.readout_s, ..self.camera };
+        Self { camera, colour, own_colour: colour, ..self }
     }
 
     /// The same with what is known of the motion.
@@ -128,8 +133,9 @@ impl Context {
     pub(crate) fn of(&self, session: u32) -> Cow<'_, Self> {
         let Some(seen_by) = self.cameras.of(session) else { return Cow::Borrowed(self) };
         let SessionCamera { camera, grid, offset_px, colour } = seen_by;
+        let readout_s = colour.unwrap_or(self.own_colour).readout_s;
         Cow::Owned(Self {
-            camera: camera.clone(),
+            camera: Camera { readout_s, ..camera.clone() },
             grid: *grid,
             offset_px: *offset_px,
             colour: colour.filter(|_| self.mapping.features.correct).unwrap_or(self.own_colour),

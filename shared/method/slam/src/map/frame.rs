@@ -1,7 +1,8 @@
 //! The record of one frame: where it is, what it measured, and what changes in the map with it.
 
-use crate::estimation::colour_model::{ColourPoseRecord, ColourRecord};
+use crate::estimation::colour_model::{CameraEvidence, ColourPoseRecord, ColourRecord};
 use crate::estimation::noise_scales::NoiseRecord;
+use crate::estimation::readout::ReadoutRecord;
 use crate::map::cause::{Cause, words};
 use crate::map::keyframe::{KeyframePose, KeyframeRecord};
 use crate::map::records::{
@@ -130,8 +131,17 @@ pub struct EvidenceRecord {
     pub noise: Option<NoiseRecord>,
     /// Evidence of the colour model, where it makes a keyframe.
     pub colour_pose: Option<ColourPoseRecord>,
+    /// Evidence of the readout, where it makes a keyframe.
+    pub readout: Option<ReadoutRecord>,
     /// Matches with the keyframes of the window, so that the frame can be solved again.
     pub blocks: Vec<BlockRecord>,
+}
+
+impl EvidenceRecord {
+    /// What it tells of the camera.
+    pub fn of_camera(&self) -> CameraEvidence<'_> {
+        (self.colour.as_ref(), self.colour_pose.as_ref(), self.readout.as_ref())
+    }
 }
 
 /// Changes of the map with a frame, and the tests under way that may change it.

@@ -186,7 +186,7 @@ impl TrackerState {
         if self.reference_entropy.is_none() && frame.pose.entropy_nats.is_finite() {
             self.reference_entropy = Some(frame.pose.entropy_nats);
         }
-        self.colour.apply(frame.evidence.colour.as_ref(), frame.evidence.colour_pose.as_ref());
+        self.colour.apply(frame.evidence.of_camera());
         if let Some(noise) = &frame.evidence.noise {
             self.noise.apply(noise);
         }

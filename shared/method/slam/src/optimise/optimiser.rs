@@ -259,6 +259,7 @@ impl Optimiser {
         let active: Vec<KeyframeState> = keyframes.iter().filter(|k| k.is_active()).cloned().collect();
         let ids: Vec<u32> = active.iter().map(|k| k.id).collect();
         self.cache.begin(context.colour, &ids);
+        self.matches.begin(context.camera.readout_s);
         self.drawn.keep_only(&ids);
         let start = Start {
             context: &context,

@@ -107,19 +107,33 @@ impl MatchedPair {
 
 /// The matches of pairs at the poses at which they were last searched, by ids that rise.
 #[derive(Debug, Default)]
-pub(crate) struct MatchCache(Mutex<Vec<(PairIds, Arc<MatchedPair>)>>);
+pub(crate) struct MatchCache(Mutex<KnownMatches>);
+
+#[derive(Debug, Default)]
+struct KnownMatches {
+    readout_s: f64,
+    pairs: Vec<(PairIds, Arc<MatchedPair>)>,
+}
 
 impl MatchCache {
+    /// Forgets what another readout gave.
+    pub(crate) fn begin(&self, readout_s: f64) {
+        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if kept.readout_s != readout_s {
+            *kept = KnownMatches { readout_s, ..KnownMatches::default() };
+        }
+    }
+
     /// What is known of these pairs, whose ids rise.
     pub(crate) fn of(&self, pairs: &[PairIds]) -> Vec<Option<Arc<MatchedPair>>> {
         let kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let entries = kept.iter().map(|(pair, matched)| (pair, matched));
+        let entries = kept.pairs.iter().map(|(pair, matched)| (pair, matched));
         values_of(pairs.iter().copied(), entries).map(Option::<&Arc<MatchedPair>>::cloned).collect()
     }
 
     /// Keeps these pairs, whose ids rise, and forgets all others.
     pub(crate) fn keep(&self, pairs: impl Iterator<Item = (PairIds, Arc<MatchedPair>)>) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = pairs.collect();
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).pairs = pairs.collect();
     }
 }
 

@@ -2,6 +2,7 @@
 //! outer loop, [`MultiEdge::solve`].
 
 use crate::estimation::noise_scales::NoiseState;
+use crate::estimation::readout::ReadoutRecord;
 use crate::map::context::Context;
 use crate::pairs::weighted_pair::WeightedPair;
 use crate::settings::WindowSettings;
@@ -39,6 +40,8 @@ pub(crate) struct Alignment {
     /// Features that agree with the result, of the reference that has most.
     pub(crate) n_agreeing: u32,
     pub(crate) is_solved: bool,
+    /// What its matches tell of the readout.
+    pub(crate) readout: Option<ReadoutRecord>,
     /// One per reference: the sums of its surfaces alone, and the features that it shares with the frame.
     pub(crate) parts: Vec<(HalfSums, Option<WeightedPair>)>,
 }
@@ -144,6 +147,7 @@ impl Aligner {
             let priors: Matrix6 = solved.graph.priors.iter().map(|p| p.information).sum();
             information = solved.graph.information(frame) + priors;
         }
+        let readout = association.readout();
         let WindowAssociation { velocity, blocks, reports, degenerate, surfaces, .. } = association;
         Alignment {
             world_from_camera,
@@ -155,6 +159,7 @@ impl Aligner {
             rotation_sigma_rad: prediction.rotation_sigma_rad,
             n_agreeing: 0,
             is_solved: solved.is_solved,
+            readout,
             parts: surfaces.into_iter().zip(references).map(|(s, r)| (s, r.pair.clone())).collect(),
         }
     }

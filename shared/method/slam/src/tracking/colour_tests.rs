@@ -130,8 +130,8 @@ fn a_feature_gets_the_depth_under_it_whatever_lag_and_focal_length() {
     let mut context = context();
     for truth in [
         ColourModel::default(),
-        ColourModel { lag_s: 0.02, focal_ratio: 1.0 },
-        ColourModel { lag_s: -0.01, focal_ratio: 0.9 },
+        ColourModel { lag_s: 0.02, focal_ratio: 1.0, readout_s: 0.0 },
+        ColourModel { lag_s: -0.01, focal_ratio: 0.9, readout_s: 0.0 },
     ] {
         context.colour = truth;
         for k in 0..5 {
@@ -154,9 +154,9 @@ fn a_feature_gets_the_depth_under_it_whatever_lag_and_focal_length() {
 fn a_planted_lag_and_a_planted_focal_length_are_found_and_none_where_there_is_none() {
     for truth in [
         ColourModel::default(),
-        ColourModel { lag_s: 0.02, focal_ratio: 1.0 },
-        ColourModel { lag_s: 0.0, focal_ratio: 0.9 },
-        ColourModel { lag_s: -0.015, focal_ratio: 1.04 },
+        ColourModel { lag_s: 0.02, focal_ratio: 1.0, readout_s: 0.0 },
+        ColourModel { lag_s: 0.0, focal_ratio: 0.9, readout_s: 0.0 },
+        ColourModel { lag_s: -0.015, focal_ratio: 1.04, readout_s: 0.0 },
     ] {
         let found = estimate(&truth, ColourModel::default());
         assert!((found.model.lag_s - truth.lag_s).abs() < 1e-3, "{truth:?}: {found:?}");
@@ -168,8 +168,8 @@ fn a_planted_lag_and_a_planted_focal_length_are_found_and_none_where_there_is_no
 
 #[test]
 fn what_the_camera_file_states_is_the_start_and_not_the_last_word() {
-    let truth = ColourModel { lag_s: 0.02, focal_ratio: 0.95 };
-    for stated in [truth, ColourModel { lag_s: -0.01, focal_ratio: 1.03 }] {
+    let truth = ColourModel { lag_s: 0.02, focal_ratio: 0.95, readout_s: 0.0 };
+    for stated in [truth, ColourModel { lag_s: -0.01, focal_ratio: 1.03, readout_s: 0.0 }] {
         let found = estimate(&truth, stated).model;
         assert!((found.lag_s - truth.lag_s).abs() < 2e-3, "{stated:?}: {found:?}");
         assert!((found.focal_ratio - truth.focal_ratio).abs() < 5e-3, "{stated:?}: {found:?}");

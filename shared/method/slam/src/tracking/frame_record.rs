@@ -31,7 +31,8 @@ pub(crate) fn frame_record(
         // As it is written down.
         upper_triangle(&own).into_iter().map(|v| f64::from(v as f32)).collect()
     });
-    let mut evidence = noise(input, aligner, aligned, new_keyframe.is_some());
+    let makes_keyframe = new_keyframe.is_some();
+    let mut evidence = noise(input, aligner, aligned, makes_keyframe);
     if let (Some(evidence), Some(own), true) = (&mut evidence, own, a.degenerate.is_empty()) {
         evidence.noise.step_variance = Some(std::array::from_fn(|k| own[(k, k)]));
     }
@@ -50,6 +51,7 @@ pub(crate) fn frame_record(
         evidence: EvidenceRecord {
             noise: evidence.as_ref().map(|evidence| evidence.noise),
             colour_pose: evidence.and_then(|evidence| evidence.colour),
+            readout: a.readout.filter(|_| makes_keyframe),
             blocks: blocks(aligned),
             ..EvidenceRecord::default()
         },

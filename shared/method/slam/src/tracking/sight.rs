@@ -127,18 +127,24 @@ impl Sight {
         self.observations = all.filter(|(_, is_kept)| **is_kept).map(|(o, _)| *o).collect();
     }
 
-    /// Observes the features again with a better known motion, where that moves them.
-    pub(crate) fn observe_again(&mut self, context: &Context, surface: &SurfaceView<'_>, velocity: &Twist) {
+    /// Observes the features again with a better known motion, where that moves them; whether it does.
+    pub(crate) fn observe_again(
+        &mut self,
+        context: &Context,
+        surface: &SurfaceView<'_>,
+        velocity: &Twist,
+    ) -> bool {
         let change = Twist { rho: velocity.rho - self.velocity.rho, phi: velocity.phi - self.velocity.phi };
         let seconds = context.colour.lag_s.abs() + 0.25 * context.camera.readout_s.abs();
         if (change.phi.norm() + 0.5 * change.rho.norm()) * seconds * context.camera.focal_px()
             < LEAST_RESIDUAL_PX
         {
-            return;
+            return false;
         }
         self.velocity = *velocity;
         self.pairs.clear();
         self.observations = lift(context, &self.features, surface, velocity).into();
+        true
     }
 
     /// Refuses the pairs found so far: they are no measurement, and colour is judged by them.
@@ -353,6 +359,7 @@ impl Sight {
         let of_surfaces = of(&judged.origin, judged.sums, judged.factor * surfaces);
         let of_features = of(&pair.target_from_query, &pair.sums, features);
         let coupling = coupling(pair, velocities, &context.colour) / features;
+        // A map's first frame has no motion that is known, and so not where its colour was exposed.
         let nats = own_nats(&of_surfaces, &of_features, &coupling, &judged.parameters);
         sums.add(&context.camera, &pair.inliers, &at, nats);
     }

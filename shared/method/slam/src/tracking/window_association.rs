@@ -1,5 +1,6 @@
 //! Data association of a frame with its window, and what holds its degenerate directions.
 
+use crate::estimation::readout::ReadoutRecord;
 use crate::map::context::Context;
 use crate::settings::WindowSettings;
 use crate::tracking::degeneracy::{self, DegenerateDirection};
@@ -40,6 +41,20 @@ impl WindowAssociation<'_, '_> {
         if let Some((previous, seconds)) = self.prediction.previous {
             self.velocity = log(&(previous.inverse() * world_from_camera)).scaled(1.0 / seconds);
         }
+    }
+}
+
+impl WindowAssociation<'_, '_> {
+    /// What the matches of the last reference tell of the readout of this camera.
+    pub(crate) fn readout(&self) -> Option<ReadoutRecord> {
+        let (target, surfaces, (origin, _)) =
+            (self.targets.last()?, self.surfaces.last()?, self.blocks.last()?);
+        if !self.context.cameras.is_empty() {
+            return None;
+        }
+        let sums = self.matcher.readout_sums(self.queries, target, origin);
+        let (normal, gradient, _) = PairBlock::new(origin, &surfaces.all()).linearise(origin);
+        ReadoutRecord::new(&sums, (&normal, &gradient), self.factor, self.context.camera.readout_s)
     }
 }
 

@@ -1,7 +1,7 @@
 //! Records of version 16: a frame's evidence of noise had the mean residual of its surfaces where that of the two
 //! halves of the image is now, and its causes were a sentence with three answers beside it.
 
-use super::before_18::{AlignOf, EvidenceOf};
+use super::before_18::{AlignOf, Colour16, EvidenceOf};
 use serde::{Deserialize, Serialize};
 use tessera_journal::decode;
 use tessera_slam::{AlignRecord, Cause, FrameRecord, MapChange, NoiseRecord, PoseRecord, State};
@@ -19,7 +19,7 @@ struct Frame16 {
     lost_nanos: i64,
     evidence_nats: f64,
     pose: PoseRecord,
-    evidence: EvidenceOf<Noise16>,
+    evidence: EvidenceOf<Colour16, Noise16>,
     change: MapChange,
 }
 

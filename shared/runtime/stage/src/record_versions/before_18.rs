@@ -9,7 +9,7 @@ use tessera_slam::{
 };
 use tessera_surface::WorkloadLevel;
 
-/// The aligner's record of versions 16 and 17, with the frames `F` of one of them.
+/// The aligner's record of versions 16 to 18, with the frames `F` of one of them.
 #[derive(Serialize, Deserialize)]
 pub(super) enum AlignOf<F> {
     Frame(Box<F>),
@@ -19,8 +19,9 @@ pub(super) enum AlignOf<F> {
     Map(Box<MapRecord>),
 }
 
+/// A frame of versions 17 and 18, with the evidence `E` of one of them.
 #[derive(Serialize, Deserialize)]
-struct Frame17 {
+pub(super) struct FrameOf<E> {
     index: u64,
     stamp_nanos: i64,
     workload: WorkloadLevel,
@@ -30,15 +31,15 @@ struct Frame17 {
     lost_nanos: i64,
     evidence_nats: f64,
     pose: PoseRecord,
-    evidence: EvidenceOf<Noise17>,
+    evidence: E,
     change: MapChange,
 }
 
-/// A frame's evidence of both versions, with the noise record `N` of one of them.
+/// A frame's evidence of versions 16 to 18, with the audit of colour `C` and the noise record `N` of one of them.
 #[derive(Serialize, Deserialize)]
-pub(super) struct EvidenceOf<N> {
+pub(super) struct EvidenceOf<C, N> {
     repeats_colour: bool,
-    colour: Option<Colour16>,
+    colour: Option<C>,
     noise: Option<N>,
     colour_pose: Option<ColourPoseRecord>,
     blocks: Vec<BlockRecord>,
@@ -76,19 +77,23 @@ impl From<Noise17> for NoiseRecord {
     }
 }
 
-impl<N> From<EvidenceOf<N>> for EvidenceRecord
+impl<C, N> From<EvidenceOf<C, N>> for EvidenceRecord
 where
+    ColourRecord: From<C>,
     NoiseRecord: From<N>,
 {
-    fn from(evidence: EvidenceOf<N>) -> Self {
+    fn from(evidence: EvidenceOf<C, N>) -> Self {
         let EvidenceOf { repeats_colour, colour, noise, colour_pose, blocks } = evidence;
         let (colour, noise) = (colour.map(ColourRecord::from), noise.map(NoiseRecord::from));
-        Self { repeats_colour, colour, noise, colour_pose, blocks }
+        Self { repeats_colour, colour, noise, colour_pose, readout: None, blocks }
     }
 }
 
-impl From<Frame17> for FrameRecord {
-    fn from(frame: Frame17) -> Self {
+impl<E> From<FrameOf<E>> for FrameRecord
+where
+    EvidenceRecord: From<E>,
+{
+    fn from(frame: FrameOf<E>) -> Self {
         Self {
             index: frame.index,
             stamp_nanos: frame.stamp_nanos,
@@ -122,5 +127,5 @@ where
 
 /// The aligner's record in a payload of that version.
 pub(super) fn align(payload: &[u8]) -> Result<AlignRecord, String> {
-    decode::<AlignOf<Frame17>>(payload).map(AlignRecord::from)
+    decode::<AlignOf<FrameOf<EvidenceOf<Colour16, Noise17>>>>(payload).map(AlignRecord::from)
 }

@@ -1,0 +1,81 @@
+//! The seconds from a depth image's first row to its last, estimated while running (method 1.6): what the matches of
+//! surfaces do not agree on when the camera's velocity changes.
+//!
+//! With `e` the residuals of a pair, `J` their change with its pose and `E` that with the readout, both pose and readout
+//! are unknown: the pose marginalised,
+//!
+//! ```text
+//! information = sum E^T Omega E - K^T N^-1 K,   gradient = K^T N^-1 g - sum E^T Omega e,   K = sum J^T Omega E.
+//! ```
+
+use crate::estimation::motion_filter::STUDENT_FREEDOM;
+use serde::{Deserialize, Serialize};
+use tessera_geometry::{Matrix6, Vector6};
+use tessera_registration::ReadoutSums;
+
+/// Standard deviation before anything is measured, seconds: from nothing to a frame of 33 ms, evenly.
+const PRIOR_SIGMA_S: f64 = 0.019;
+/// Standard deviation of what a camera file states, seconds.
+const STATED_SIGMA_S: f64 = 0.003;
+
+/// Consistency of Student's t at the normal distribution: `1 / E[(nu + 1) q / (nu + q)]` for `q` of a chi-square of 1.
+const CONSISTENCY: f64 = 1.27;
+
+/// A frame's normal equation of the readout, about 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ReadoutRecord {
+    /// Inverse variance of the readout that this frame alone would choose, 1/s^2.
+    pub information: f64,
+    /// The information times that readout, 1/s.
+    pub gradient: f64,
+}
+
+impl ReadoutRecord {
+    /// From the sums of a pair, the normal equations `N x = -g` of its pose, the variance of one match and the readout
+    /// in effect; `None` where nothing is measured.
+    pub(crate) fn new(
+        sums: &ReadoutSums,
+        (normal, gradient): (&Matrix6, &Vector6),
+        factor: f64,
+        readout_s: f64,
+    ) -> Option<Self> {
+        let coupling = Vector6::from(sums.coupling);
+        let alone = normal.cholesky()?.solve(&coupling);
+        let information = (sums.information - coupling.dot(&alone)) / factor;
+        let gradient = (alone.dot(gradient) - sums.gradient) / factor;
+        (information > 0.0).then_some(Self { information, gradient: gradient + information * readout_s })
+    }
+}
+
+/// What is known of the readout.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct ReadoutState(ReadoutRecord);
+
+impl ReadoutState {
+    /// Before the first frame, of a camera file.
+    pub(crate) fn stated(readout_s: f64) -> Self {
+        let information = prior(if readout_s == 0.0 { PRIOR_SIGMA_S } else { STATED_SIGMA_S });
+        Self(ReadoutRecord { information, gradient: information * readout_s })
+    }
+
+    /// Takes a frame's equation in; what was seen before counts less by `forgetting`, down to the prior.
+    pub(crate) fn apply(&mut self, record: &ReadoutRecord, forgetting: f64) {
+        let [value, sigma] = self.estimate();
+        let own = record.gradient / record.information;
+        let squared = (own - value).powi(2) / (1.0 / record.information + sigma * sigma);
+        let weight = CONSISTENCY * (STUDENT_FREEDOM + 1.0) / (STUDENT_FREEDOM + squared);
+        let Self(sum) = self;
+        sum.information +=
+            forgetting * (prior(PRIOR_SIGMA_S) - sum.information) + weight * record.information;
+        sum.gradient += weight * record.gradient - forgetting * sum.gradient;
+    }
+
+    /// Its value with its standard deviation, seconds.
+    pub(crate) fn estimate(&self) -> [f64; 2] {
+        [self.0.gradient / self.0.information, libm::sqrt(1.0 / self.0.information)]
+    }
+}
+
+fn prior(sigma_s: f64) -> f64 {
+    1.0 / (sigma_s * sigma_s)
+}
