@@ -2,6 +2,7 @@
 
 use crate::text::file::{ROTATION_TOLERANCE, ReadError, Trajectory, of_matrix, parse_tum};
 use crate::text::nerf;
+use crate::text::plain::{columns as words, plain_text};
 use nalgebra::{Matrix3, Quaternion, Translation3, UnitQuaternion};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -61,7 +62,7 @@ impl TrajectoryFile {
 /// Names the file and the line of the first thing that is wrong.
 pub fn read_trajectory(path: &Path) -> Result<TrajectoryFile, ReadError> {
     let bytes = std::fs::read(path).map_err(|source| ReadError::Io { path: path.to_owned(), source })?;
-    parse_trajectory(&String::from_utf8_lossy(&bytes), path)
+    parse_trajectory(&plain_text(&bytes), path)
 }
 
 fn parse_trajectory(text: &str, path: &Path) -> Result<TrajectoryFile, ReadError> {
@@ -129,6 +130,11 @@ fn is_in_nanos<'a>(text: &str, rows: impl Iterator<Item = &'a str>) -> bool {
         || steps.get(steps.len() / 2).is_some_and(|step| *step >= LEAST_NANOS_APART)
 }
 
+/// Whether a word is a whole number of nanoseconds since 1970.
+pub(crate) fn is_whole_nanos(word: &str) -> bool {
+    word.len() >= WHOLE_DIGITS && word.bytes().all(|byte| byte.is_ascii_digit())
+}
+
 /// The rows of `trajectory_marked.txt` in the submap that has most: poses of two submaps have no common frame.
 fn of_largest_submap<'a>(rows: impl Iterator<Item = &'a str>) -> Option<String> {
     let mut submaps: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
@@ -143,10 +149,6 @@ fn of_largest_submap<'a>(rows: impl Iterator<Item = &'a str>) -> Option<String> 
     // The first of two that have as many.
     let most = submaps.into_values().rev().max_by_key(Vec::len)?;
     Some(most.join("\n"))
-}
-
-fn words(line: &str) -> Vec<&str> {
-    line.split([' ', '\t', ',']).filter(|word| !word.is_empty()).collect()
 }
 
 fn unusable(path: &Path, at: usize, line: &str, expected: &'static str) -> ReadError {

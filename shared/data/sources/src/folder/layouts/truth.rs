@@ -3,7 +3,7 @@
 use super::FoundLayout;
 use crate::SourceError;
 use std::path::Path;
-use tessera_evaluation::{Trajectory, read_tum_rows};
+use tessera_evaluation::{Trajectory, format_stamp, read_tum_rows};
 
 /// Poses in the form of TUM, and a sentence on rows that are left out.
 ///
@@ -15,6 +15,18 @@ pub(super) fn of_tum(path: &Path) -> Result<(Trajectory, Option<String>), Source
         format!("{} rows of the ground truth are left out, the first: {problem}", rows.n_left_out)
     });
     Ok((rows.trajectory, sentence))
+}
+
+/// A sentence where no frame is of the time of the ground truth.
+pub(in crate::folder) fn apart(truth: &Trajectory, stamps: &[i64]) -> Option<String> {
+    let [first, .., last] = truth.stamps_nanos[..] else { return None };
+    let (from, to) = (stamps.iter().min()?, stamps.iter().max()?);
+    (*to < first || *from > last).then(|| {
+        let [first, last, from, to] = [first, last, *from, *to].map(format_stamp);
+        format!(
+            "the ground truth is of {first} to {last} s, the frames of {from} to {to} s: nothing is compared; do their clocks differ? tessera evaluate trajectory.txt groundtruth.txt --time-offset auto finds how far"
+        )
+    })
 }
 
 impl FoundLayout {
