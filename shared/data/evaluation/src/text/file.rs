@@ -1,7 +1,6 @@
 //! Trajectories in the TUM text form: one `timestamp tx ty tz qx qy qz qw` a line.
 
-use crate::text::forms;
-use crate::text::plain::{columns, plain_text};
+use crate::text::plain::{columns, is_whole_nanos, plain_text};
 use crate::text::stamp::{StampError, format_stamp, parse_stamp};
 use nalgebra::{Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion};
 use std::io::{self, Write};
@@ -231,7 +230,7 @@ fn parse_row(line: &str) -> Result<(i64, Pose), TrajectoryError> {
     let words = columns(line);
     let &[stamp, ref rest @ ..] = words.as_slice() else { return Err(TrajectoryError::Columns { found: 0 }) };
     // EuRoC separates by commas, counts nanoseconds and puts w first.
-    let is_euroc = line.contains(',') && forms::is_whole_nanos(stamp);
+    let is_euroc = line.contains(',') && is_whole_nanos(stamp);
     let rest = rest.get(..7).filter(|_| is_euroc).unwrap_or(rest);
     if rest.len() != 7 {
         return Err(TrajectoryError::Columns { found: words.len() });

@@ -2,7 +2,7 @@
 
 use crate::text::file::{ROTATION_TOLERANCE, ReadError, Trajectory, of_matrix, parse_tum};
 use crate::text::nerf;
-use crate::text::plain::{columns as words, plain_text};
+use crate::text::plain::{WHOLE_DIGITS, columns as words, plain_text};
 use nalgebra::{Matrix3, Quaternion, Translation3, UnitQuaternion};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -11,8 +11,6 @@ use tessera_geometry::Pose;
 /// Columns of EuRoC up to the rotation, and of KITTI.
 const EUROC_COLUMNS: usize = 8;
 const KITTI_COLUMNS: usize = 12;
-/// Digits of whole nanoseconds since 1970.
-const WHOLE_DIGITS: usize = 14;
 /// Whole stamps that differ by this are nanoseconds: as seconds they would be eleven days apart.
 const LEAST_NANOS_APART: i64 = 1_000_000;
 /// Columns of `trajectory_marked.txt`: those of TUM, a state and a submap.
@@ -128,11 +126,6 @@ fn is_in_nanos<'a>(text: &str, rows: impl Iterator<Item = &'a str>) -> bool {
     stamps.first().is_some_and(has_digits)
         || head.into_iter().any(|line| line.contains("[ns]"))
         || steps.get(steps.len() / 2).is_some_and(|step| *step >= LEAST_NANOS_APART)
-}
-
-/// Whether a word is a whole number of nanoseconds since 1970.
-pub(crate) fn is_whole_nanos(word: &str) -> bool {
-    word.len() >= WHOLE_DIGITS && word.bytes().all(|byte| byte.is_ascii_digit())
 }
 
 /// The rows of `trajectory_marked.txt` in the submap that has most: poses of two submaps have no common frame.

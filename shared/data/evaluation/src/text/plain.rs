@@ -3,6 +3,8 @@
 const UTF8_MARK: &[u8] = &[0xef, 0xbb, 0xbf];
 const UTF16_LITTLE_MARK: &[u8] = &[0xff, 0xfe];
 const UTF16_BIG_MARK: &[u8] = &[0xfe, 0xff];
+/// Digits of whole nanoseconds since 1970.
+pub(crate) const WHOLE_DIGITS: usize = 14;
 /// What separates the columns of a row.
 pub(crate) const SEPARATORS: [char; 4] = [' ', '\t', ',', ';'];
 
@@ -24,6 +26,11 @@ pub fn plain_text(bytes: &[u8]) -> String {
         true => text.replace("\r\n", "\n").replace('\r', "\n"),
         false => text,
     }
+}
+
+/// Whether a word is a whole number of nanoseconds since 1970.
+pub(crate) fn is_whole_nanos(word: &str) -> bool {
+    word.len() >= WHOLE_DIGITS && word.bytes().all(|byte| byte.is_ascii_digit())
 }
 
 /// The columns of a row.

@@ -137,8 +137,6 @@ impl FolderSource {
             };
             warnings.extend(uncoloured(stamps, &colour_stamps, &partners, reason.as_deref()));
         }
-        let truth = found.ground_truth.as_ref();
-        warnings.extend(truth.and_then(|truth| layouts::truth_apart(truth, stamps)));
         let confidence = pairs::confidence(&files, found.confidence, depth.len(), &mut warnings);
         if let Some(lens) = &found.lens {
             camera_from = format!("{camera_from}, {}", lens.words());

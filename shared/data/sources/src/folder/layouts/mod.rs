@@ -34,7 +34,6 @@ use std::path::{Path, PathBuf};
 use tessera_evaluation::Trajectory;
 use tessera_frames::{ColourCamera, OtherLens};
 use tessera_geometry::Camera;
-pub(super) use truth::apart as truth_apart;
 
 /// Entries of a folder that a message names.
 const MOST_NAMED: usize = 8;

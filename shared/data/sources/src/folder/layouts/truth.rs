@@ -18,7 +18,7 @@ pub(super) fn of_tum(path: &Path) -> Result<(Trajectory, Option<String>), Source
 }
 
 /// A sentence where no frame is of the time of the ground truth.
-pub(in crate::folder) fn apart(truth: &Trajectory, stamps: &[i64]) -> Option<String> {
+fn apart(truth: &Trajectory, stamps: &[i64]) -> Option<String> {
     let [first, .., last] = truth.stamps_nanos[..] else { return None };
     let (from, to) = (stamps.iter().min()?, stamps.iter().max()?);
     (*to < first || *from > last).then(|| {
@@ -30,10 +30,14 @@ pub(in crate::folder) fn apart(truth: &Trajectory, stamps: &[i64]) -> Option<Str
 }
 
 impl FoundLayout {
-    /// Takes poses in, or a warning that there are none.
+    /// Takes poses in, with a warning where they are of another time, or one that there are none.
     pub(super) fn take_truth(&mut self, poses: Result<Option<Trajectory>, SourceError>) {
         match poses {
-            Ok(truth) => self.ground_truth = truth,
+            Ok(truth) => {
+                let stamps: Vec<i64> = self.depth.iter().map(|entry| entry.stamp_nanos).collect();
+                self.warnings.extend(truth.as_ref().and_then(|truth| apart(truth, &stamps)));
+                self.ground_truth = truth;
+            }
             Err(error) => self.warnings.push(format!("the ground truth is left out: {error}")),
         }
     }
