@@ -186,7 +186,7 @@ fn in_one_folder(folder: &Path, names: &[String]) -> Option<String> {
     let colour = pattern(&["color", "colour", "rgb"]).map(|pattern| listed(pattern, "rgb.txt"));
     let commands = std::iter::once(depth).chain(colour).collect::<Vec<String>>().join("; ");
     Some(format!(
-        "; images of depth and colour in one folder are listed, at 30 a second, by: cd {} && {commands}",
+        "; images of depth and colour in one folder are listed, at 30 a second, by: cd '{}' && {commands}",
         folder.display()
     ))
 }
