@@ -15,7 +15,7 @@ use crate::viewer::Recording;
 use std::path::Path;
 use tessera_settings::Settings;
 use tessera_sources::{
-    CAMERA_NAMES, Source, SourceSpec, doubt_units, refuse_impossible_depth, summarise_depth,
+    CAMERA_NAMES, Source, SourceSpec, doubt_units, odd_camera, refuse_impossible_depth, summarise_depth,
 };
 use tessera_stage::RunFiles;
 use tessera_supervisor::{SupervisorError, update_map};
@@ -40,6 +40,7 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, CommandError> {
     options.fps = arguments.topics.fps;
     let source = tessera_sources::open(&spec, &options)?;
     let mut warnings = source.warnings().to_vec();
+    warnings.extend(odd_camera(source.camera()));
     warnings.extend(doubt_up(&settings, &*source));
     for warning in &warnings {
         say_error(&format!("warning: {spec}: {warning}"));
@@ -54,8 +55,7 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, CommandError> {
     refuse_impossible_depth(&depth, source.camera(), settings.run.force)
         .map_err(|error| CommandError::input(format!("{spec}: {error}")))?;
     let units = doubt_units(&depth, source.camera());
-    let bent = depth.bent.doubt();
-    let doubts: Vec<String> = source.doubts().iter().cloned().chain(units).chain(bent).collect();
+    let doubts: Vec<String> = source.doubts().iter().cloned().chain(units).chain(depth.doubts()).collect();
     for doubt in &doubts {
         say_error(&format!("warning: {spec}: {doubt}"));
     }

@@ -34,4 +34,5 @@ pub use text::file::{
     write_tum_row,
 };
 pub use text::forms::{TrajectoryFile, read_trajectory};
+pub use text::plain::plain_text;
 pub use text::stamp::{StampError, format_stamp, parse_stamp, stamp_seconds};

@@ -6,6 +6,7 @@ use crate::large::check_camera;
 use crate::{OtherLens, SourceError};
 use serde::Deserialize;
 use std::path::Path;
+use tessera_evaluation::plain_text;
 use tessera_geometry::Camera;
 
 /// Names that `--camera` understands beside files.
@@ -64,9 +65,9 @@ impl CameraFile {
         if !is_ours {
             return Self::load_other(path);
         }
-        let text = std::fs::read_to_string(path)
-            .map_err(|source| SourceError::Io { path: path.to_owned(), source })?;
-        Self::parse(&text, &path.display().to_string())
+        let bytes =
+            std::fs::read(path).map_err(|source| SourceError::Io { path: path.to_owned(), source })?;
+        Self::parse(&plain_text(&bytes), &path.display().to_string())
     }
 
     /// A camera file of another program.

@@ -1,6 +1,7 @@
 //! Check of a source before it is run.
 
 use crate::depth_units::{DepthSummary, POSSIBLE_M, doubt_units, summarise_depth};
+use crate::odd_camera::{fields_of_view_deg, odd_camera};
 use crate::{Pairing, Source, SourceError};
 use serde::Serialize;
 use tessera_geometry::Camera;
@@ -75,14 +76,13 @@ pub fn check(source: &dyn Source, n_samples: u64) -> Result<CheckReport, SourceE
             _ => false,
         })
     };
-    let middle = ((f64::from(camera.height) - 1.0) / 2.0, (f64::from(camera.width) - 1.0) / 2.0);
     let (broken_frames, mut broken) = broken(source, n_frames.unwrap_or(0));
     let mut report = CheckReport {
         description: source.description(),
         n_frames,
         broken_frames,
-        horizontal_fov_deg: angle_deg(&camera, (middle.0, 0.0), (middle.0, 2.0 * middle.1)),
-        vertical_fov_deg: angle_deg(&camera, (0.0, middle.1), (2.0 * middle.0, middle.1)),
+        horizontal_fov_deg: fields_of_view_deg(&camera)[0],
+        vertical_fov_deg: fields_of_view_deg(&camera)[1],
         camera,
         depth: summarise_depth(source, n_samples)?,
         n_depth,
@@ -112,11 +112,6 @@ fn broken(source: &dyn Source, n_frames: u64) -> (Vec<u64>, Vec<String>) {
         sentences.push(format!("{} frames in all have an image that is missing or broken", problems.len()));
     }
     (problems.into_iter().map(|(index, _)| index).collect(), sentences)
-}
-
-fn angle_deg(camera: &Camera, from: (f64, f64), to: (f64, f64)) -> f64 {
-    let (a, b) = (camera.ray(from.0, from.1), camera.ray(to.0, to.1));
-    libm::atan2(a.cross(&b).norm(), a.dot(&b)) * 180.0 / std::f64::consts::PI
 }
 
 fn gaps(stamps_nanos: &[i64]) -> Gaps {
@@ -160,8 +155,9 @@ fn warnings(report: &CheckReport) -> Vec<String> {
             );
             let doubt = doubt_units(depth, camera);
             warn(doubt.is_some(), doubt.unwrap_or_default());
-            let bent = depth.bent.doubt();
-            warn(bent.is_some(), bent.unwrap_or_default());
+            for doubt in depth.doubts() {
+                warn(true, doubt);
+            }
             for frame in &depth.empty_frames {
                 warn(true, format!("frame {frame} has no depth in any pixel"));
             }
@@ -169,19 +165,9 @@ fn warnings(report: &CheckReport) -> Vec<String> {
             warn(share < 0.4, format!("only {:.0} % of the pixels have depth", 100.0 * share));
         }
     }
-    for (name, fov_deg) in [("horizontal", report.horizontal_fov_deg), ("vertical", report.vertical_fov_deg)]
-    {
-        let sentence = format!(
-            "{name} field of view is {fov_deg:.1} degrees: do focal length and image size belong together?"
-        );
-        warn(!(25.0..=130.0).contains(&fov_deg), sentence);
+    for sentence in odd_camera(camera) {
+        warn(true, sentence);
     }
-    for (name, centre, side) in [("cx", camera.cx, camera.width), ("cy", camera.cy, camera.height)] {
-        let off = (centre / f64::from(side) - 0.5).abs();
-        warn(off > 0.2, format!("{name} is {centre}, far from the middle of {side} px"));
-    }
-    let ratio = (camera.fx / camera.fy).abs();
-    warn(!(0.8..=1.25).contains(&ratio), format!("fx / fy is {ratio:.2}: pixels are rarely that oblong"));
     let unpaired = report.n_depth.saturating_sub(report.n_pairs);
     warn(
         report.n_colour > 0 && unpaired.saturating_mul(10) > report.n_depth,

@@ -7,6 +7,7 @@
 
 use crate::along_ray::Bent;
 use crate::judge::{Lattice, UnitsEvidence, depth_lattice, judge_units};
+use crate::odd_depth::OddDepth;
 use crate::{FrameBuffers, Source, SourceError};
 use serde::Serialize;
 use tessera_geometry::Camera;
@@ -37,6 +38,16 @@ pub struct DepthSummary {
     /// Whether its planes bend.
     #[serde(skip)]
     pub bent: Bent,
+    /// Whether these are images that a camera takes.
+    #[serde(skip)]
+    pub odd: OddDepth,
+}
+
+impl DepthSummary {
+    /// What speaks against the images, in sentences.
+    pub fn doubts(&self) -> Vec<String> {
+        self.bent.doubt().into_iter().chain(self.odd.doubts()).collect()
+    }
 }
 
 /// The median depth is one that no room has: the depth units are wrong.
@@ -98,6 +109,7 @@ struct Depths {
     empty_frames: Vec<u64>,
     n_seen: usize,
     bent: Bent,
+    odd: OddDepth,
 }
 
 impl Default for Depths {
@@ -108,6 +120,7 @@ impl Default for Depths {
             empty_frames: Vec::new(),
             n_seen: 0,
             bent: Bent::default(),
+            odd: OddDepth::default(),
         }
     }
 }
@@ -115,6 +128,7 @@ impl Default for Depths {
 impl Depths {
     fn add(&mut self, index: u64, depth_raw: &[u16]) {
         let mut is_empty = true;
+        self.odd.add(index, depth_raw);
         for &raw in depth_raw.iter().filter(|&&raw| raw != 0 && raw != u16::MAX) {
             self.histogram[usize::from(raw)] += 1;
             is_empty = false;
@@ -137,6 +151,7 @@ impl Depths {
             frames: self.frames,
             empty_frames: self.empty_frames,
             bent: self.bent,
+            odd: self.odd,
         }
     }
 }
@@ -156,9 +171,13 @@ pub fn refuse_impossible_depth(
     }
     let raw = median_m * camera.units_per_metre;
     let better = USUAL_UNITS.into_iter().find(|units| (0.4..=8.0).contains(&(raw / units)));
-    let hint = better.map_or(String::new(), |units| {
-        format!(" (units_per_metre = {units} would make it {:.2} m)", raw / units)
-    });
+    let of_units =
+        better.map(|units| format!("units_per_metre = {units} would make it {:.2} m", raw / units));
+    // Another cause explains the values too.
+    let hint = match depth.odd.byte_order().or(of_units) {
+        Some(words) => format!(" ({words})"),
+        None => String::new(),
+    };
     Err(DepthUnitsError { median_m, units_per_metre: camera.units_per_metre, hint })
 }
 

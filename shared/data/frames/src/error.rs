@@ -105,12 +105,14 @@ pub enum SourceError {
     GroundTruth(#[from] ReadError),
     /// Nothing says what the camera is.
     #[error(
-        "{} has no camera.toml: put one there, or give --camera FILE or --camera {}{template}",
+        "{} has no camera.toml{beside}: put one there, or give --camera FILE or --camera {}{template}",
         folder.display(), crate::CAMERA_NAMES.join("|")
     )]
     NoCamera {
         /// The folder.
         folder: PathBuf,
+        /// Files that may have been meant for one, as text.
+        beside: String,
         /// Lines of a camera file to fill in, as text.
         template: String,
     },
@@ -280,6 +282,16 @@ pub enum ImageError {
         found: String,
         /// Channels and bits that would do.
         expected: &'static str,
+    },
+    /// Floats that are no metres.
+    #[error(
+        "depth image has floats from {least} to {most}, expected metres: these look like millimetres; write them / 1000, or as whole numbers of 16 bits with units_per_metre = 1000"
+    )]
+    Millimetres {
+        /// The smallest beyond what a camera sees.
+        least: f64,
+        /// The largest.
+        most: f64,
     },
     /// The wrong number of bytes once decompressed.
     #[error("{what} image holds {found} bytes, expected {expected} for {}x{} px as the camera says", size.0, size.1)]

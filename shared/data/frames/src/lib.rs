@@ -27,6 +27,8 @@ pub mod imu;
 pub mod judge;
 pub mod large;
 mod lens;
+mod odd_camera;
+mod odd_depth;
 pub mod pairing;
 mod source;
 pub mod timeline;
@@ -42,5 +44,7 @@ pub use depth_units::{
 pub use error::{ImageError, ListError, SourceError};
 pub use imu::ImuModel;
 pub use lens::{OtherLens, StatedLens, Undistortion};
+pub use odd_camera::odd_camera;
+pub use odd_depth::OddDepth;
 pub use source::{FrameBuffers, FrameInfo, Pairing, Source, TakenColour};
 pub use warp::ColourWarp;

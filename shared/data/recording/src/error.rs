@@ -87,7 +87,7 @@ pub enum RecordingError {
         found: Vec<f64>,
     },
     /// A camera whose numbers cannot be.
-    #[error("{topic}: {source}")]
+    #[error("{topic}: {source}; a camera that is not calibrated may state zeros: give --camera FILE")]
     Camera {
         /// The topic.
         topic: String,

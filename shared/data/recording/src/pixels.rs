@@ -4,6 +4,7 @@ use crate::error::MessageError;
 use crate::messages::{ImageForm, ImageMessage};
 use crate::raw_forms::CameraForm;
 use crate::rvl;
+use tessera_frames::decode::MetresDepth;
 use tessera_frames::{ImageError, decode};
 
 /// Bytes before the image in ROS's `compressedDepth`: a word and two floats.
@@ -11,18 +12,13 @@ const COMPRESSED_DEPTH_HEADER: usize = 12;
 const PNG: &[u8] = b"\x89PNG";
 
 /// Depth as raw units; what is metres in the message is counted in `units_per_metre`.
-#[expect(clippy::cast_possible_truncation, reason = "a number from 1 to below 65535")]
 pub(super) fn depth(
     image: &ImageMessage<'_>,
     size: (u32, u32),
     units_per_metre: f64,
     depth_raw: &mut [u16],
 ) -> Result<(), MessageError> {
-    let raw_of = |depth_m: f32| {
-        let raw = (f64::from(depth_m) * units_per_metre).round();
-        // No measurement: not finite, behind the camera, or beyond what a raw value holds.
-        if raw >= 1.0 && raw < f64::from(u16::MAX) { raw as u16 } else { 0 }
-    };
+    let mut counted = MetresDepth::new(units_per_metre);
     match &image.form {
         ImageForm::Raw { encoding, width, height, step, is_big_endian } => {
             check_size("depth", (*width, *height), size)?;
@@ -43,19 +39,21 @@ pub(super) fn depth(
                     let rows = rows(&image.data, size, *step, 4)?;
                     for (to, from) in depth_raw.chunks_exact_mut(size.0 as usize).zip(rows) {
                         for (raw, bytes) in to.iter_mut().zip(from.as_chunks().0) {
-                            *raw = raw_of(match is_big_endian {
+                            *raw = counted.raw(f64::from(match is_big_endian {
                                 true => f32::from_be_bytes(*bytes),
                                 false => f32::from_le_bytes(*bytes),
-                            });
+                            }));
                         }
                     }
                 }
                 other => return Err(unknown(other, "16UC1 or 32FC1")),
             }
-            Ok(())
         }
-        ImageForm::File { format } => compressed_depth(&image.data, format, size, raw_of, depth_raw),
+        ImageForm::File { format } => {
+            compressed_depth(&image.data, format, size, &mut counted, depth_raw)?;
+        }
     }
+    Ok(counted.check()?)
 }
 
 /// A PNG of depth; behind the header of `compressedDepth` a PNG or RVL, which may hold inverse depth.
@@ -63,7 +61,7 @@ fn compressed_depth(
     data: &[u8],
     format: &str,
     size: (u32, u32),
-    raw_of: impl Fn(f32) -> u16,
+    counted: &mut MetresDepth,
     depth_raw: &mut [u16],
 ) -> Result<(), MessageError> {
     if data.starts_with(PNG) {
@@ -85,7 +83,7 @@ fn compressed_depth(
         let [_, _, _, _, a0, a1, a2, a3, b0, b1, b2, b3] = *head;
         let (a, b) = (f32::from_le_bytes([a0, a1, a2, a3]), f32::from_le_bytes([b0, b1, b2, b3]));
         for raw in depth_raw.iter_mut().filter(|raw| **raw != 0) {
-            *raw = raw_of(a / (f32::from(*raw) - b));
+            *raw = counted.raw(f64::from(a / (f32::from(*raw) - b)));
         }
     }
     Ok(())

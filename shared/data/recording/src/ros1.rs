@@ -5,7 +5,7 @@
 use crate::error::MessageError;
 use crate::imu::ImuFields;
 use crate::messages::{CameraMessage, ImageForm, ImageMessage, nanos};
-use crate::ros::{Extrinsics, RosPose};
+use crate::ros::{BIG_ENDIAN, Extrinsics, RosPose};
 use std::borrow::Cow;
 
 /// Most numbers of an array that is read: no distortion has more coefficients.
@@ -103,7 +103,7 @@ pub(crate) fn image(data: &[u8]) -> Result<ImageMessage<'_>, MessageError> {
     let stamp_nanos = fields.header()?.stamp_nanos;
     let (height, width) = (fields.word()?, fields.word()?);
     let encoding = fields.text()?.into_owned();
-    let is_big_endian = fields.byte()? != 0;
+    let is_big_endian = fields.byte()? == BIG_ENDIAN;
     let step = fields.word()? as usize;
     let form = ImageForm::Raw { encoding, width, height, step, is_big_endian };
     Ok(ImageMessage { stamp_nanos, data: Cow::Borrowed(fields.counted()?), form })

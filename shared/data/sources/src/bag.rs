@@ -4,6 +4,7 @@
 use crate::joined::JoinedSource;
 use crate::{RecordingOptions, RecordingSource, Source, SourceError};
 use std::path::{Component, Path, PathBuf};
+use tessera_evaluation::plain_text;
 
 const METADATA: &str = "metadata.yaml";
 /// Ends of names of the files of a bag.
@@ -18,7 +19,7 @@ const PACKED_ENDS: [&str; 2] = ["zstd", "zst"];
 pub(crate) fn files(folder: &Path) -> Result<Option<Vec<PathBuf>>, SourceError> {
     let metadata = folder.join(METADATA);
     let mut files = match std::fs::read(&metadata) {
-        Ok(bytes) => listed(&String::from_utf8_lossy(&bytes)),
+        Ok(bytes) => listed(&plain_text(&bytes)),
         Err(_) => Vec::new(),
     };
     if files.is_empty() && !crate::folder::is_known(folder) {
@@ -28,6 +29,16 @@ pub(crate) fn files(folder: &Path) -> Result<Option<Vec<PathBuf>>, SourceError> 
         return Ok(None);
     }
     let paths: Vec<PathBuf> = files.iter().map(|file| in_folder(folder, file)).collect();
+    let there: Vec<String> = files_inside(folder).iter().map(|file| file.display().to_string()).collect();
+    if let Some(gone) = paths.iter().find(|path| !path.exists() && !there.is_empty()) {
+        let reason = format!(
+            "metadata.yaml lists {}, which is not there; expected one of its files (there are: {}): run the file itself, or write the list again with: ros2 bag reindex {}",
+            gone.file_name().unwrap_or_default().to_string_lossy(),
+            there.join(", "),
+            folder.display()
+        );
+        return Err(SourceError::Layout { path: folder.to_owned(), reason });
+    }
     if let Some(other) = paths.iter().find(|path| !ENDS.iter().any(|end| has_end(path, end))) {
         let reason = "is listed in metadata.yaml, expected files that end in .mcap or .db3".to_owned();
         return Err(SourceError::Layout { path: other.clone(), reason });
@@ -164,6 +175,11 @@ mod tests {
         fs::write(at.join("a.MCAP"), "").unwrap();
         assert_eq!(files(at).unwrap().unwrap(), [at.join("a.MCAP"), at.join("b.mcap")]);
         fs::write(at.join(METADATA), metadata("mcap", "mcap")).unwrap();
+        let renamed = files(at).unwrap_err().to_string();
+        assert!(renamed.contains("lists bag_0.mcap, which is not there"), "{renamed}");
+        assert!(renamed.contains("there are: a.MCAP, b.mcap") && renamed.contains("reindex"), "{renamed}");
+        fs::write(at.join("bag_0.mcap"), "").unwrap();
+        fs::write(at.join("bag_1.mcap"), "").unwrap();
         assert_eq!(files(at).unwrap().unwrap(), [at.join("bag_0.mcap"), at.join("bag_1.mcap")]);
         assert_eq!(
             listed("relative_file_paths:\n  - ../../etc/passwd\n  - 'x.mcap'\n"),

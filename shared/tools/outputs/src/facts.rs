@@ -3,10 +3,12 @@
 use crate::replay::Replay;
 use crate::statistics::{Ended, RunStatistics};
 use crate::trajectories::as_trajectory;
+use nalgebra::{Quaternion, UnitQuaternion};
 use std::collections::BTreeMap;
 use std::fmt;
-use tessera_evaluation::{EvaluationOptions, LateralScale, Trajectory, evaluate, lateral_scale};
+use tessera_evaluation::{Evaluation, EvaluationOptions, LateralScale, Trajectory, evaluate, lateral_scale};
 use tessera_features::FocalRatio;
+use tessera_geometry::Pose;
 use tessera_slam::{ColourModel, FrameRecord, State};
 
 /// Stated standard deviation of a position above which it is not to be relied on, metres.
@@ -22,6 +24,10 @@ const TELLING_SHARE: f64 = 0.5;
 const LEFT_SHARE: f64 = 0.25;
 /// and where that is at least so long, metres: less may as well be drift.
 const LEAST_SPREAD_M: f64 = 0.1;
+/// Turns tell the order of a quaternion where they are off by more than this over a second, degrees,
+const LEAST_TURN_DEG: f64 = 1.0;
+/// and by less than this share of it in the other order.
+const TELLING_TURN: f64 = 0.2;
 
 /// Frames one after the other, both ends included.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,6 +71,8 @@ pub struct Truth {
     pub ate_m: f64,
     /// Root mean square distance of the positions from their middle, by that factor, metres.
     pub spread_m: f64,
+    /// Whether its turns are those of the run only if w is at the other end of its quaternions.
+    pub is_w_at_other_end: bool,
 }
 
 /// The facts of a run.
@@ -258,7 +266,26 @@ fn lengths(replay: &Replay, truth: &Trajectory) -> Option<Truth> {
     let is_telling = spread_m > LEAST_SPREAD_M
         && scaled.ate_rmse_m < TELLING_SHARE * found.ate_rmse_m
         && scaled.ate_rmse_m < LEFT_SHARE * spread_m;
-    Some(Truth { scale: scaled.scale, is_telling, ate_m: found.ate_rmse_m, spread_m })
+    let turns = |found: &Evaluation| found.rpe_rotation_rmse_deg_per_s;
+    let is_w_at_other_end =
+        turns(&found).filter(|as_read| *as_read > LEAST_TURN_DEG).is_some_and(|as_read| {
+            let reordered = w_at_other_end(truth).map(|truth| evaluate(&tracked, &truth, &options).ok());
+            reordered.iter().flatten().filter_map(turns).any(|turn| turn < TELLING_TURN * as_read)
+        });
+    Some(Truth { scale: scaled.scale, is_telling, ate_m: found.ate_rmse_m, spread_m, is_w_at_other_end })
+}
+
+/// The same poses, where what was read with w last had it first, and the other way round.
+fn w_at_other_end(truth: &Trajectory) -> [Trajectory; 2] {
+    let orders: [fn(Quaternion<f64>) -> Quaternion<f64>; 2] =
+        [|q| Quaternion::new(q.i, q.j, q.k, q.w), |q| Quaternion::new(q.k, q.w, q.i, q.j)];
+    orders.map(|order| {
+        let pose = |pose: &Pose| {
+            let rotation = UnitQuaternion::new_normalize(order(*pose.rotation.quaternion()));
+            Pose::from_parts(pose.translation, rotation)
+        };
+        Trajectory { stamps_nanos: truth.stamps_nanos.clone(), poses: truth.poses.iter().map(pose).collect() }
+    })
 }
 
 /// Motions of the tracked frames across the view against the truth's; `None` where they tell nothing.
@@ -292,7 +319,6 @@ mod tests {
     use super::*;
     use crate::test_run;
     use crate::trajectories::online_rows;
-    use tessera_geometry::Pose;
     use tessera_slam::Cause;
 
     #[test]
@@ -343,5 +369,30 @@ mod tests {
         assert!((found.scale - 5.0).abs() < 1e-6 && found.is_telling, "{found:?}");
         // Four fifths of the spread are missing.
         assert!((found.ate_m - 0.8 * found.spread_m).abs() < 1e-6, "{found:?}");
+    }
+
+    #[test]
+    fn quaternions_with_w_at_the_other_end_are_noticed() {
+        let mut replay = test_run::replay();
+        let (model, mut truth) = (replay.frames[1].clone(), Trajectory::default());
+        replay.frames.clear();
+        for k in 0..80_i64 {
+            let t = k as f64 / 30.0;
+            let turn = Pose::rotation(nalgebra::Vector3::new(0.2 * t, 0.5 * t.sin(), 0.1));
+            let at = Pose::translation(t.sin(), 0.5 * t, t.cos()) * turn;
+            let mut frame = model.clone();
+            (frame.index, frame.stamp_nanos) = (100 + k as u64, k * 33_000_000);
+            frame.pose.keyframe_from_camera = (&at).into();
+            frame.pose.world_from_camera = (&at).into();
+            replay.frames.push(frame);
+            truth.push(k * 33_000_000, at).unwrap();
+        }
+        assert!(!lengths(&replay, &truth).unwrap().is_w_at_other_end);
+        for swapped in w_at_other_end(&truth) {
+            assert!(lengths(&replay, &swapped).unwrap().is_w_at_other_end);
+        }
+        let [there, _] = w_at_other_end(&truth);
+        let [_, back] = w_at_other_end(&there);
+        assert!(back.poses[40].rotation.angle_to(&truth.poses[40].rotation) < 1e-6);
     }
 }

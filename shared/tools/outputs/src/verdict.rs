@@ -4,7 +4,7 @@
 
 use crate::facts::{Facts, Span, UNCERTAIN_M};
 use crate::statistics::Ended;
-use crate::wrong_camera::{lens, off_truth, units};
+use crate::wrong_camera::{lens, off_truth, turned_truth, units};
 use serde::Serialize;
 use std::fmt;
 use tessera_stage::BrokenFrames;
@@ -114,12 +114,13 @@ pub fn verdict(facts: &Facts) -> Verdict {
         without_colour(facts),
         rejected_loops(facts),
         unbelieved_colour(facts),
+        turned_truth(facts),
     ];
     let doubts = facts.source_doubts.iter().map(|doubt| {
         reason(
             Grade::Doubtful,
             doubt.clone(),
-            "give the right camera: --camera NAME|FILE (docs/own_camera.md)",
+            "tessera check SOURCE; mend the images, or give the right camera: --camera NAME|FILE (docs/own_camera.md)",
         )
     });
     let notes = facts.source_warnings.iter().map(|warning| reason(Grade::Good, warning.clone(), ""));

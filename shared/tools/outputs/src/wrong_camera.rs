@@ -10,6 +10,8 @@ use tessera_sources::judge::{UnitsPosterior, student_inflation};
 /// of how far the motion extends.
 const OFF_TRUTH_M: f64 = 0.1;
 const OFF_TRUTH_SHARE: f64 = 0.1;
+/// Share within which a factor is a thousand.
+const THOUSAND: f64 = 0.1;
 const LENS_ADVICE: &str = "give the right camera: --camera NAME|FILE, or tessera calibrate";
 const REFINED_ADVICE: &str = "run again with --camera camera_refined.toml, or tessera calibrate";
 
@@ -50,13 +52,22 @@ fn units_by_truth(facts: &Facts) -> Option<UnitsPosterior> {
 /// What the ground truth tells of the depth units.
 pub(crate) fn units(facts: &Facts) -> Option<Reason> {
     let (found, scale, units) = (units_by_truth(facts)?, facts.truth?.scale, facts.units_per_metre);
+    // A thousand is no camera's mistake alone: files of poses come in millimetres too.
+    let is_thousand = (scale.max(1.0 / scale) / 1000.0 - 1.0).abs() < THOUSAND;
+    let or_truth = if is_thousand { "the ground truth is in millimetres, or " } else { "" };
     let found = format!(
-        "against the ground truth all lengths are {:.2} times too {}: units_per_metre = {units} is wrong, {} is likely",
+        "against the ground truth all lengths are {:.2} times too {}: {or_truth}units_per_metre = {units} is wrong, {} is likely",
         scale.max(1.0 / scale),
         if scale > 1.0 { "small" } else { "large" },
         found.likely_words(),
     );
     Some(reason(Grade::Failed, found, "the right units_per_metre in the camera file (docs/own_camera.md)"))
+}
+
+/// A note on ground truth whose quaternions are in another order.
+pub(crate) fn turned_truth(facts: &Facts) -> Option<Reason> {
+    let found = "the turns of the ground truth fit only if w is at the other end of its quaternions: expected qx qy qz qw, or w first where commas separate whole nanoseconds; errors of rotation and of the end are those of the wrong order";
+    facts.truth.filter(|truth| truth.is_w_at_other_end).map(|_| reason(Grade::Good, found.to_owned(), ""))
 }
 
 /// What the ground truth says of the positions, where no factor explains their error.

@@ -12,8 +12,11 @@ const BAGS: &str = "../../shared/data/recording/src/tests/bags.rs";
 /// Tests of exports for reconstruction from images and for planners.
 const MODELS: &str = "promises/outputs/models.rs";
 
+/// Tests of folders as other systems leave them.
+const STRANGERS: &str = "../../shared/data/sources/src/folder/layouts/tests/strangers.rs";
+
 /// Rows whose situation another test makes: a piece of the row, the test, and what it looks for.
-const ELSEWHERE: [(&str, &str, &str); 22] = [
+const ELSEWHERE: [(&str, &str, &str); 31] = [
     ("no floor was seen", MODELS, "no floor was seen"),
     ("own program sent its frames", MODELS, "own program sent its frames"),
     ("frames has a colour image", MODELS, "frames has a colour image"),
@@ -62,6 +65,27 @@ const ELSEWHERE: [(&str, &str, &str); 22] = [
     ),
     ("was not forced to disk", "promises/durability/power.rs", r#"contains("was not forced to disk")"#),
     ("newer frames had come", "../../processes/align/src/step.rs", "newer frames had come"),
+    ("images of several cameras or takes", STRANGERS, "images of several cameras or takes?"),
+    ("the map is mirrored", STRANGERS, "the map is mirrored"),
+    ("nothing is compared", STRANGERS, "nothing is compared; do their clocks differ?"),
+    ("the names of the images are no times", STRANGERS, "timestamps.txt is not read"),
+    (
+        "is at the other end of its quaternions",
+        "../../shared/tools/outputs/src/verdict/tests.rs",
+        "fit only if w is at the other end of its quaternions",
+    ),
+    (
+        "far from the middle",
+        "../../shared/data/frames/src/odd_camera.rs",
+        "is it the camera of these images?",
+    ),
+    (
+        "these look like millimetres",
+        "../../shared/data/frames/src/decode/metres.rs",
+        "floats from 870.5 to 2250",
+    ),
+    ("in the other byte order", "../../shared/data/frames/src/odd_depth.rs", "in the other byte order"),
+    ("bit for bit", "../../shared/data/frames/src/odd_depth.rs", "frames 4 and 8 have the same"),
     (
         "is unlike a sensor's with",
         "../../shared/data/frames/src/depth_units.rs",

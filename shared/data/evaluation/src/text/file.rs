@@ -1,5 +1,6 @@
 //! Trajectories in the TUM text form: one `timestamp tx ty tz qx qy qz qw` a line.
 
+use crate::text::plain::{columns, is_whole_nanos, plain_text};
 use crate::text::stamp::{StampError, format_stamp, parse_stamp};
 use nalgebra::{Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion};
 use std::io::{self, Write};
@@ -145,13 +146,13 @@ pub enum ReadError {
 /// Names the file and the line of the first thing that is wrong.
 pub fn read_tum(path: &Path) -> Result<Trajectory, ReadError> {
     let bytes = std::fs::read(path).map_err(|source| ReadError::Io { path: path.to_owned(), source })?;
-    parse_tum(&String::from_utf8_lossy(&bytes), path)
+    parse_tum(&plain_text(&bytes), path)
 }
 
 /// Reads the text of a trajectory file; `path` is for messages only.
 ///
-/// Blank lines and lines that begin with `#` are passed over; commas and tabs separate as well
-/// as spaces do, as in the TUM scripts.
+/// Blank lines and lines that begin with `#` are passed over; commas, semicolons and tabs separate
+/// as well as spaces do.
 ///
 /// # Errors
 /// Names the file and the line of the first thing that is wrong.
@@ -190,7 +191,7 @@ pub struct TumRows {
 /// The file cannot be read, or no row can be used.
 pub fn read_tum_rows(path: &Path) -> Result<TumRows, ReadError> {
     let bytes = std::fs::read(path).map_err(|source| ReadError::Io { path: path.to_owned(), source })?;
-    parse_tum_rows(&String::from_utf8_lossy(&bytes), path)
+    parse_tum_rows(&plain_text(&bytes), path)
 }
 
 fn parse_tum_rows(text: &str, path: &Path) -> Result<TumRows, ReadError> {
@@ -226,8 +227,11 @@ fn parse_tum_rows(text: &str, path: &Path) -> Result<TumRows, ReadError> {
 }
 
 fn parse_row(line: &str) -> Result<(i64, Pose), TrajectoryError> {
-    let words: Vec<&str> = line.split([' ', '\t', ',']).filter(|word| !word.is_empty()).collect();
+    let words = columns(line);
     let &[stamp, ref rest @ ..] = words.as_slice() else { return Err(TrajectoryError::Columns { found: 0 }) };
+    // EuRoC separates by commas, counts nanoseconds and puts w first.
+    let is_euroc = line.contains(',') && is_whole_nanos(stamp);
+    let rest = rest.get(..7).filter(|_| is_euroc).unwrap_or(rest);
     if rest.len() != 7 {
         return Err(TrajectoryError::Columns { found: words.len() });
     }
@@ -241,7 +245,8 @@ fn parse_row(line: &str) -> Result<(i64, Pose), TrajectoryError> {
             .filter(|number: &f64| number.is_finite())
             .ok_or_else(|| TrajectoryError::Number { column, found: (*word).to_owned() })?;
     }
-    let [tx, ty, tz, qx, qy, qz, qw] = values;
+    let [tx, ty, tz, a, b, c, d] = values;
+    let [qx, qy, qz, qw] = if is_euroc { [b, c, d, a] } else { [a, b, c, d] };
     let quaternion = Quaternion::new(qw, qx, qy, qz);
     let norm = quaternion.norm();
     if !((norm - 1.0).abs() <= ROTATION_TOLERANCE) {

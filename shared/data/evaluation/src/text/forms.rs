@@ -2,6 +2,7 @@
 
 use crate::text::file::{ROTATION_TOLERANCE, ReadError, Trajectory, of_matrix, parse_tum};
 use crate::text::nerf;
+use crate::text::plain::{WHOLE_DIGITS, columns as words, plain_text};
 use nalgebra::{Matrix3, Quaternion, Translation3, UnitQuaternion};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -10,8 +11,6 @@ use tessera_geometry::Pose;
 /// Columns of EuRoC up to the rotation, and of KITTI.
 const EUROC_COLUMNS: usize = 8;
 const KITTI_COLUMNS: usize = 12;
-/// Digits of whole nanoseconds since 1970.
-const WHOLE_DIGITS: usize = 14;
 /// Whole stamps that differ by this are nanoseconds: as seconds they would be eleven days apart.
 const LEAST_NANOS_APART: i64 = 1_000_000;
 /// Columns of `trajectory_marked.txt`: those of TUM, a state and a submap.
@@ -61,7 +60,7 @@ impl TrajectoryFile {
 /// Names the file and the line of the first thing that is wrong.
 pub fn read_trajectory(path: &Path) -> Result<TrajectoryFile, ReadError> {
     let bytes = std::fs::read(path).map_err(|source| ReadError::Io { path: path.to_owned(), source })?;
-    parse_trajectory(&String::from_utf8_lossy(&bytes), path)
+    parse_trajectory(&plain_text(&bytes), path)
 }
 
 fn parse_trajectory(text: &str, path: &Path) -> Result<TrajectoryFile, ReadError> {
@@ -143,10 +142,6 @@ fn of_largest_submap<'a>(rows: impl Iterator<Item = &'a str>) -> Option<String> 
     // The first of two that have as many.
     let most = submaps.into_values().rev().max_by_key(Vec::len)?;
     Some(most.join("\n"))
-}
-
-fn words(line: &str) -> Vec<&str> {
-    line.split([' ', '\t', ',']).filter(|word| !word.is_empty()).collect()
 }
 
 fn unusable(path: &Path, at: usize, line: &str, expected: &'static str) -> ReadError {

@@ -12,4 +12,5 @@
 pub(crate) mod file;
 pub(crate) mod forms;
 pub(crate) mod nerf;
+pub(crate) mod plain;
 pub(crate) mod stamp;

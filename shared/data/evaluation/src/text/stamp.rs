@@ -17,18 +17,31 @@ pub enum StampError {
     },
 }
 
-/// Reads decimal seconds as nanoseconds without going through a float, which would lose digits:
-/// an `f64` near 1.3e9 s resolves 0.24 microseconds. Exponents (`1.3e+09`, as numpy writes them)
-/// are read, digits beyond the ninth decimal are rounded.
+/// Times of recordings, nanoseconds since 1970: from the year 2001 to 2106.
+const SINCE_1970: std::ops::Range<i64> = 1_000_000_000_000_000_000..4_294_967_296_000_000_000;
+
+/// Reads a time as nanoseconds: decimal seconds, or milli-, micro- or nanoseconds since 1970, which are too
+/// large for seconds.
 ///
 /// # Errors
 /// The word is not a finite decimal number, or too large.
+pub fn parse_stamp(word: &str) -> Result<i64, StampError> {
+    let counted = |shift| parse_seconds(word, shift).ok().filter(|nanos| SINCE_1970.contains(nanos));
+    match parse_seconds(word, 0) {
+        Err(range @ StampError::Range { .. }) => [-3, -6, -9].into_iter().find_map(counted).ok_or(range),
+        parsed => parsed,
+    }
+}
+
+/// Reads a decimal number times `10^shift` seconds without going through a float, which would lose digits:
+/// an `f64` near 1.3e9 s resolves 0.24 microseconds. Exponents (`1.3e+09`, as numpy writes them)
+/// are read, digits beyond the ninth decimal are rounded.
 #[expect(
     clippy::arithmetic_side_effects,
     clippy::cast_possible_truncation,
     reason = "places of digits of a word in memory, an exponent of 60 at most, and nanoseconds bounded before each step"
 )]
-pub fn parse_stamp(word: &str) -> Result<i64, StampError> {
+fn parse_seconds(word: &str, shift: i32) -> Result<i64, StampError> {
     let wrong = || StampError::NotANumber { found: word.to_owned() };
     let range = || StampError::Range { found: word.to_owned() };
     let (negative, unsigned) = match word.as_bytes().first() {
@@ -49,7 +62,7 @@ pub fn parse_stamp(word: &str) -> Result<i64, StampError> {
         return Err(wrong());
     }
     // Digit k (from 0) of the mantissa stands for 10^(whole.len() - 1 - k + exponent) seconds.
-    let top = whole.len() as i32 - 1 + exponent + 9;
+    let top = whole.len() as i32 - 1 + exponent + shift + 9;
     let mut nanos: i64 = 0;
     let mut round_up = false;
     for (k, digit) in digits().enumerate() {
@@ -123,6 +136,14 @@ mod tests {
         for (word, nanos) in table {
             assert_eq!(parse_stamp(word), Ok(nanos), "{word}");
         }
+    }
+
+    #[test]
+    fn parts_of_a_second_since_1970_are_known_by_their_size() {
+        for word in ["1700000000033.25", "1700000000033250", "1700000000033250000", "1.70000000003325e12"] {
+            assert_eq!(parse_stamp(word), Ok(1_700_000_000_033_250_000), "{word}");
+        }
+        assert_eq!(parse_stamp("1700000000033333333"), Ok(1_700_000_000_033_333_333));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! JSON: Open3D, Replica's `cam_params.json`, nerfstudio's `transforms.json`, and plain `fx fy cx cy`.
 
 use super::{StatedCamera, units_of_scale};
-use crate::OtherLens;
+use crate::{OtherLens, StatedLens};
 use serde_json::{Map, Value};
 
 /// Names of a value in different programs, in small letters.
@@ -27,8 +27,10 @@ const SCALE: &[&str] = &[
 ];
 /// A key that is only named `scale` is one of depth from here on.
 const LEAST_PLAIN_SCALE: f64 = 100.0;
-/// Model of the lens, of nerfstudio.
-const MODEL: &[&str] = &["camera_model"];
+/// Model of the lens.
+const MODEL: &[&str] = &["camera_model", "distortion_model", "model"];
+/// Its coefficients as a list.
+const COEFFICIENTS: &[&str] = &["coeffs", "distortion", "distortion_coefficients", "dist_coeffs", "dist"];
 const FPS: &[&str] = &["fps", "frame_rate"];
 /// Tables that hold a camera.
 const INSIDE: &[&str] = &["camera", "intrinsics", "intrinsic", "depth", "depth_intrinsics", "camera_params"];
@@ -46,11 +48,13 @@ pub(super) fn parse(text: &str) -> Result<Option<StatedCamera>, String> {
         let half = if is_nerf { 0.5 } else { 0.0 };
         let side = |names| number(names).and_then(super::side);
         let value = |name: &str| number(&[name]).unwrap_or(0.0);
-        let is_fisheye =
-            get(&all, MODEL).and_then(Value::as_str).is_some_and(|model| model.contains("FISHEYE"));
-        let (distortion, lens) = match is_fisheye {
-            true => ([0.0; 5], Some(OtherLens::Equidistant(["k1", "k2", "k3", "k4"].map(value)))),
-            false => (["k1", "k2", "p1", "p2", "k3"].map(value), None),
+        let model =
+            get(table, MODEL).or_else(|| get(&all, MODEL)).and_then(Value::as_str).unwrap_or_default();
+        let list = get(table, COEFFICIENTS).or_else(|| get(&all, COEFFICIENTS)).and_then(Value::as_array);
+        let (distortion, lens) = match (list, model.contains("FISHEYE")) {
+            (Some(list), _) => listed_lens(model, list)?,
+            (None, true) => ([0.0; 5], Some(OtherLens::Equidistant(["k1", "k2", "k3", "k4"].map(value)))),
+            (None, false) => (["k1", "k2", "p1", "p2", "k3"].map(value), None),
         };
         return Ok(Some(StatedCamera {
             form: if is_nerf { "nerfstudio" } else { "JSON" },
@@ -63,6 +67,24 @@ pub(super) fn parse(text: &str) -> Result<Option<StatedCamera>, String> {
         }));
     }
     Ok(None)
+}
+
+/// A lens by the name of its model, as `distortion.brown_conrady` of librealsense, and a list of coefficients.
+///
+/// # Errors
+/// Another model that distorts, or a list of other things than numbers.
+fn listed_lens(model: &str, list: &[Value]) -> Result<([f64; 5], Option<OtherLens>), String> {
+    let name = model.rsplit('.').next().unwrap_or_default().to_lowercase();
+    let name = if name.contains("pinhole") || name == "opencv" { "" } else { &name };
+    let coefficients: Option<Vec<f64>> = list.iter().map(number).collect();
+    match coefficients.as_deref().and_then(|coefficients| StatedLens::of_model(name, coefficients)) {
+        Some(StatedLens::Plain(five)) => Ok((five, None)),
+        Some(StatedLens::Other(lens)) => Ok(([0.0; 5], Some(lens))),
+        None => Err(format!(
+            "distortion model '{model}' with coefficients {}, expected brown_conrady with up to 5, rational_polynomial with 8 or equidistant with 4: rectify the images first",
+            serde_json::Value::from(list.to_vec())
+        )),
+    }
 }
 
 /// The depth scale of a file, which may have no camera.

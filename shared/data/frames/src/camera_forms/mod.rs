@@ -8,6 +8,7 @@ mod yaml;
 
 use crate::{OtherLens, SourceError};
 use std::path::Path;
+use tessera_evaluation::plain_text;
 use tessera_geometry::Camera;
 
 /// A camera as some file states it; what it does not state is absent.
@@ -84,13 +85,13 @@ pub fn read_stated(path: &Path) -> Result<Option<StatedCamera>, SourceError> {
     }
     let bytes = std::fs::read(path).map_err(io)?;
     let name = path.file_name().map(|name| name.to_string_lossy().to_lowercase()).unwrap_or_default();
-    parse_stated(&String::from_utf8_lossy(&bytes), &name)
+    parse_stated(&plain_text(&bytes), &name)
         .map_err(|message| SourceError::CameraFile { file: path.display().to_string(), message })
 }
 
 /// The depth scale, units a metre, of a JSON file that may have no camera.
 pub fn read_scale(path: &Path) -> Option<f64> {
-    json::scale_alone(&std::fs::read_to_string(path).ok()?).ok()?
+    json::scale_alone(&plain_text(&std::fs::read(path).ok()?)).ok()?
 }
 
 /// The side of an image, pixels; `None` of what cannot be one.
@@ -101,7 +102,6 @@ fn side(side: f64) -> Option<u32> {
 
 /// The text of a file of that name, in small letters.
 pub(crate) fn parse_stated(text: &str, name: &str) -> Result<Option<StatedCamera>, String> {
-    let text = text.trim_start_matches('\u{feff}');
     let stated = if name.ends_with(".json") {
         json::parse(text)
     } else if name.ends_with(".yaml") || name.ends_with(".yml") {

@@ -29,6 +29,20 @@ fn open3d_and_other_json() {
     assert_eq!((found.intrinsics, found.distortion[0]), (FOUR, 0.1));
     assert_eq!(parse_stated("{\"a\": 1}", "a.json"), Ok(None));
     assert_eq!(parse_stated("no json", "a.json"), Ok(None));
+    // As pyrealsense2 prints them.
+    let lens = |model: &str, coefficients: &str| {
+        format!(
+            r#"{{"fx": 615, "fy": 616, "ppx": 321, "ppy": 244, "model": "{model}", "coeffs": [{coefficients}]}}"#
+        )
+    };
+    let found = stated("a.json", &lens("distortion.brown_conrady", "0.1, -0.2, 0, 0, 0.3"));
+    assert_eq!((found.intrinsics, found.distortion), (FOUR, [0.1, -0.2, 0.0, 0.0, 0.3]));
+    let found = stated("a.json", &lens("distortion.inverse_brown_conrady", "0, 0, 0, 0, 0"));
+    assert_eq!((found.distortion, found.lens), ([0.0; 5], None));
+    let four = "0.1, 0.2, 0.3, 0.4";
+    let found = stated("a.json", &lens("equidistant", four)).lens;
+    assert_eq!(found, Some(OtherLens::Equidistant([0.1, 0.2, 0.3, 0.4])));
+    assert!(refusal("a.json", &lens("f_theta", four)).contains("distortion model 'f_theta'"));
     let text = r#"{"fx": 615, "fy": 616, "cx": 321, "cy": 244, "depth_scale": -3}"#;
     assert!(refusal("a.json", text).contains("depth scale is -3"));
 }

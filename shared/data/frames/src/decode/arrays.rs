@@ -1,6 +1,6 @@
 //! Depth as PGM of 16 bits, and as an array of numpy: integers in the camera's units, floats in metres.
 
-use super::{check_size, damaged};
+use super::{MetresDepth, check_size, damaged};
 use crate::ImageError;
 
 const PGM: &[u8] = b"P5";
@@ -62,6 +62,7 @@ pub(super) fn depth(
     let pixels = open(bytes)?;
     check_size("depth", pixels.size, size)?;
     let values = pixels.data.chunks_exact(pixels.kind.n_bytes());
+    let mut counted = MetresDepth::new(units_per_metre);
     for (raw, bytes) in depth_raw.iter_mut().zip(values) {
         *raw = match pixels.kind {
             ArrayKind::Whole { is_big_endian } => match (bytes.first_chunk(), is_big_endian) {
@@ -69,12 +70,10 @@ pub(super) fn depth(
                 (Some(raw), false) => u16::from_le_bytes(*raw),
                 (None, _) => 0,
             },
-            ArrayKind::Metres { is_big_endian, .. } => {
-                super::raw_of_metres(metres(bytes, is_big_endian), units_per_metre)
-            }
+            ArrayKind::Metres { is_big_endian, .. } => counted.raw(metres(bytes, is_big_endian)),
         };
     }
-    Ok(())
+    counted.check()
 }
 
 fn metres(bytes: &[u8], is_big_endian: bool) -> f64 {

@@ -1,7 +1,7 @@
 //! Depth as OpenEXR: one part of scan lines, halves or floats in metres, not compressed or by RLE or
 //! zlib.
 
-use super::{check_size, damaged, raw_of_metres};
+use super::{MetresDepth, check_size, damaged};
 use crate::ImageError;
 use flate2::read::ZlibDecoder;
 use std::io::Read;
@@ -212,13 +212,14 @@ pub(super) fn depth(
         }
     }
     let mut raw = depth_raw.chunks_exact_mut(width);
+    let mut counted = MetresDepth::new(units_per_metre);
     for chunk in rows {
         let chunk = chunk.ok_or_else(|| damaged("OpenEXR", &"rows are missing"))?;
         for (row, raw) in chunk.chunks_exact(n_row).zip(&mut raw) {
-            fill(row, width, &channels, |metres| raw_of_metres(metres, units_per_metre), raw)?;
+            fill(row, width, &channels, |metres| counted.raw(metres), raw)?;
         }
     }
-    Ok(())
+    counted.check()
 }
 
 /// A row of the image.
@@ -226,7 +227,7 @@ fn fill(
     row: &[u8],
     width: usize,
     channels: &[ExrChannel<'_>],
-    raw_of: impl Fn(f64) -> u16,
+    mut raw_of: impl FnMut(f64) -> u16,
     raw: &mut [u16],
 ) -> Result<(), ImageError> {
     for (at, channel) in channels.iter().enumerate() {

@@ -3,10 +3,12 @@
 mod arrays;
 mod bmp;
 mod exr;
+mod metres;
 mod tif;
 mod webp;
 
 use crate::ImageError;
+pub use metres::MetresDepth;
 use std::fmt::Display;
 use std::fs::File;
 use std::io::{Cursor, Read, Seek, SeekFrom};
@@ -43,14 +45,6 @@ pub fn depth_in(
         return exr::depth(bytes, size, units_per_metre, depth_raw);
     }
     depth(bytes, size, depth_raw)
-}
-
-/// Metres in units; 0 where it is no measurement: not finite, behind the camera, or beyond what a raw value
-/// holds.
-#[expect(clippy::cast_possible_truncation, reason = "a number from 1 to below 65535")]
-fn raw_of_metres(metres: f64, units_per_metre: f64) -> u16 {
-    let units = (metres * units_per_metre).round();
-    if units >= 1.0 && units < f64::from(u16::MAX) { units as u16 } else { 0 }
 }
 
 /// Decodes a 16-bit greyscale PNG of the given columns and rows.

@@ -1,6 +1,6 @@
 //! Depth as TIFF, 16 bits in the camera's units or floats in metres, and colour of 8 or 16 bits.
 
-use super::{check_size, damaged};
+use super::{MetresDepth, check_size, damaged};
 use crate::ImageError;
 use std::io::Cursor;
 use tiff::ColorType;
@@ -47,13 +47,14 @@ pub(super) fn depth(
     if kind.num_samples() != 1 {
         return Err(wrong());
     }
-    let metres = |value: f64| super::raw_of_metres(value, units_per_metre);
+    let mut counted = MetresDepth::new(units_per_metre);
     match decoder.read_image().map_err(|error| damaged("TIFF", &error))? {
         DecodingResult::U16(values) => fill(depth_raw, &values, |raw| *raw),
-        DecodingResult::F32(values) => fill(depth_raw, &values, |value| metres(f64::from(*value))),
-        DecodingResult::F64(values) => fill(depth_raw, &values, |value| metres(*value)),
+        DecodingResult::F32(values) => fill(depth_raw, &values, |value| counted.raw(f64::from(*value))),
+        DecodingResult::F64(values) => fill(depth_raw, &values, |value| counted.raw(*value)),
         _ => Err(wrong()),
-    }
+    }?;
+    counted.check()
 }
 
 /// Decodes colour or grey as red, green, blue; of 16 bits a channel the higher byte is taken.
@@ -86,7 +87,7 @@ pub(super) fn colour(bytes: &[u8], size: (u32, u32), rgb: &mut [u8]) -> Result<(
     })
 }
 
-fn fill<T>(depth_raw: &mut [u16], values: &[T], raw: impl Fn(&T) -> u16) -> Result<(), ImageError> {
+fn fill<T>(depth_raw: &mut [u16], values: &[T], mut raw: impl FnMut(&T) -> u16) -> Result<(), ImageError> {
     if values.len() < depth_raw.len() {
         let message = format!("{} pixels, expected {}", values.len(), depth_raw.len());
         return Err(damaged("TIFF", &message));

@@ -4,7 +4,7 @@ use super::{ForceSample, GyroSample, ImuModel, ImuRecording};
 use crate::{ListError, SourceError};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use std::path::Path;
-use tessera_evaluation::{format_stamp, parse_stamp};
+use tessera_evaluation::{format_stamp, parse_stamp, plain_text};
 
 /// No instrument on a hand-held camera measures more, radians per second.
 const MOST_RAD_PER_S: f64 = 100.0;
@@ -25,12 +25,12 @@ pub fn load(folder: &Path) -> Result<Option<ImuRecording>, SourceError> {
         |path: &Path| std::fs::read(path).map_err(|source| SourceError::Io { path: path.to_owned(), source });
     let settings = folder.join("imu.toml");
     let model = match settings.exists() {
-        true => parse_settings(&String::from_utf8_lossy(&read(&settings)?), &settings)?,
+        true => parse_settings(&plain_text(&read(&settings)?), &settings)?,
         false => ImuModel::default(),
     };
     let [x, y, z, w] = model.camera_from_imu_xyzw;
     let camera_from_imu = UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z));
-    let (rates, forces) = parse(&String::from_utf8_lossy(&read(&path)?), &path)?;
+    let (rates, forces) = parse(&plain_text(&read(&path)?), &path)?;
     Ok(Some(ImuRecording { model, rates, forces }.turned(&camera_from_imu)))
 }
 
@@ -80,7 +80,7 @@ fn parse_line(
     line: &str,
     before: Option<&GyroSample>,
 ) -> Result<(GyroSample, Option<ForceSample>), ListError> {
-    let words: Vec<&str> = line.split([' ', '\t', ',']).filter(|word| !word.is_empty()).collect();
+    let words: Vec<&str> = line.split([' ', '\t', ',', ';']).filter(|word| !word.is_empty()).collect();
     let ([stamp, rates @ ..], 4 | 7) = (&words[..], words.len()) else {
         return Err(ListError::ImuColumns { found: line.to_owned() });
     };

@@ -9,7 +9,9 @@ mod structs;
 mod write;
 
 pub use definitions::{CLOUD, Definition, PATH, POSE, TRANSFORMS};
-pub(crate) use read::{STAMP_BYTES, camera, compressed, extrinsics, image, imu, stamp_nanos, transforms};
+pub(crate) use read::{
+    BIG_ENDIAN, STAMP_BYTES, camera, compressed, extrinsics, image, imu, stamp_nanos, transforms,
+};
 pub use read::{decode, decode_whole};
 pub use results::{
     Covariance, DiagnosticArray, DiagnosticStatus, KeyValue, Odometry, PoseWithCovariance,

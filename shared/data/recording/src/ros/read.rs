@@ -55,6 +55,9 @@ pub(crate) fn stamp_nanos(kind: &'static str, data: &[u8]) -> Result<i64, Messag
     decode::<Time>(kind, data).map(|time| time.nanos())
 }
 
+/// The one value that is no mistake: a driver that leaves the byte unset is not of the other order.
+pub(crate) const BIG_ENDIAN: u8 = 1;
+
 pub(crate) fn image(data: &[u8]) -> Result<ImageMessage<'_>, MessageError> {
     let image: Image<'_> = decode("sensor_msgs/msg/Image", data)?;
     Ok(ImageMessage {
@@ -65,7 +68,7 @@ pub(crate) fn image(data: &[u8]) -> Result<ImageMessage<'_>, MessageError> {
             width: image.width,
             height: image.height,
             step: image.step as usize,
-            is_big_endian: image.is_bigendian != 0,
+            is_big_endian: image.is_bigendian == BIG_ENDIAN,
         },
     })
 }

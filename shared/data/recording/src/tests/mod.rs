@@ -7,6 +7,7 @@ mod cameras;
 mod common;
 mod imu;
 mod misread;
+mod mutations;
 
 use super::*;
 use mcap::records::MessageHeader;

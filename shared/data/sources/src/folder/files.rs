@@ -81,7 +81,7 @@ impl Files {
     /// Names in a folder of it, sorted.
     pub(super) fn names(&self, folder: &str) -> Vec<String> {
         match &self.zip {
-            Some(zip) => zip.names(folder),
+            Some(zip) => zip.names(folder).into_iter().filter(|name| !layouts::is_hidden(name)).collect(),
             None => layouts::names(&self.root.join(folder)),
         }
     }

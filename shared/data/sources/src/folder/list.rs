@@ -3,7 +3,7 @@
 use super::names::NameClock;
 use crate::{ListError, SourceError};
 use std::path::{Component, Path, PathBuf};
-use tessera_evaluation::{StampError, parse_stamp};
+use tessera_evaluation::{StampError, parse_stamp, plain_text};
 use tessera_frames::timeline::{ImageOrder, RecordedImage, timelines};
 
 /// One image of a list.
@@ -25,14 +25,14 @@ pub(super) struct ImageList {
 /// Reads a list.
 pub(super) fn read(path: &Path) -> Result<ImageList, SourceError> {
     let bytes = std::fs::read(path).map_err(|source| SourceError::Io { path: path.to_owned(), source })?;
-    parse(&String::from_utf8_lossy(&bytes), path)
+    parse(&plain_text(&bytes), path)
 }
 
 fn parse(text: &str, path: &Path) -> Result<ImageList, SourceError> {
-    let mut lines: Vec<(usize, &str, PathBuf)> = Vec::new();
+    let mut lines: Vec<(usize, String, PathBuf)> = Vec::new();
     for (number, line) in (1..).zip(text.lines()) {
-        let line = line.trim_start_matches('\u{feff}').trim();
-        if line.is_empty() || line.starts_with('#') {
+        let line = line.trim();
+        if line.is_empty() || line.starts_with('#') || (lines.is_empty() && is_heading(line)) {
             continue;
         }
         let (stamp, file) = parse_line(line).map_err(|source| wrong(path, number, source))?;
@@ -41,7 +41,7 @@ fn parse(text: &str, path: &Path) -> Result<ImageList, SourceError> {
     if lines.is_empty() {
         return Err(SourceError::EmptyList { path: path.to_owned() });
     }
-    let words: Vec<&str> = lines.iter().map(|(_, stamp, _)| *stamp).collect();
+    let words: Vec<&str> = lines.iter().map(|(_, stamp, _)| stamp.as_str()).collect();
     let (stamps, is_numbered) = stamps(&words).map_err(|(at, source)| {
         let number = lines.get(at).map_or(0, |(number, ..)| *number);
         wrong(path, number, source.into())
@@ -55,18 +55,40 @@ fn wrong(path: &Path, line: usize, source: ListError) -> SourceError {
     SourceError::List { path: path.to_owned(), line, source }
 }
 
-fn parse_line(line: &str) -> Result<(&str, PathBuf), ListError> {
-    let (stamp, file) = line
-        .split_once([' ', '\t', ','])
-        .map(|(stamp, file)| (stamp, file.trim_matches([' ', '\t', ','])))
-        .filter(|(_, file)| !file.is_empty())
-        .ok_or_else(|| ListError::Columns { found: line.to_owned() })?;
-    let file = PathBuf::from(file);
+/// Whether a line names columns: a table of another program has no `#` before them.
+fn is_heading(line: &str) -> bool {
+    !line.contains(|c: char| c.is_ascii_digit() || c == '.')
+}
+
+/// What separates a time from a file name.
+pub(super) const SEPARATORS: [char; 4] = [' ', '\t', ',', ';'];
+
+fn parse_line(line: &str) -> Result<(String, PathBuf), ListError> {
+    let columns = || ListError::Columns { found: line.to_owned() };
+    let (stamp, rest) = line.split_once(SEPARATORS).ok_or_else(columns)?;
+    let (stamp, rest) = match decimal_comma(line) {
+        Some((stamp, rest)) => (stamp, rest),
+        None => (stamp.to_owned(), rest),
+    };
+    let file = rest.trim_matches(SEPARATORS).trim_matches(['"', '\'']);
+    if file.is_empty() {
+        return Err(columns());
+    }
+    // As Windows writes a path.
+    let file = PathBuf::from(file.replace('\\', "/"));
     let inside = |part: Component<'_>| matches!(part, Component::Normal(_) | Component::CurDir);
     if !file.components().all(inside) {
         return Err(ListError::Outside { found: file.display().to_string() });
     }
     Ok((stamp, file))
+}
+
+/// A time whose fraction is behind a comma, and what follows it.
+fn decimal_comma(line: &str) -> Option<(String, &str)> {
+    let (whole, rest) = line.split_once(',')?;
+    let (fraction, rest) = rest.split_once(SEPARATORS)?;
+    let is_number = |word: &str| !word.is_empty() && word.bytes().all(|byte| byte.is_ascii_digit());
+    (is_number(whole) && is_number(fraction)).then(|| (format!("{whole}.{fraction}"), rest))
 }
 
 /// Stamps of a list, nanoseconds: decimal seconds, or whole milli-, micro- or nanoseconds where all of
@@ -140,6 +162,29 @@ mod tests {
         let list = parse("1.5\tdepth/a b.png\r\n2.5 ./c.png", Path::new("x")).unwrap();
         assert_eq!(list.entries[0].file, Path::new("depth/a b.png"));
         assert_eq!((list.entries.len(), list.entries[1].stamp_nanos), (2, 2_500_000_000));
+    }
+
+    #[test]
+    fn lists_of_spreadsheets_and_of_windows_are_read() {
+        let rows = [
+            "1.5;depth/1.png",
+            "1,5;depth/1.png",
+            "1,5 depth/1.png",
+            "1.5, depth\\1.png",
+            "1.5 \"depth/1.png\"",
+            "1500000000000.0 depth/1.png",
+            "time;file name\n1.5;depth/1.png",
+        ];
+        for row in rows {
+            let list = parse(&format!("{row}\n"), Path::new("x")).unwrap();
+            let nanos = if row.starts_with("15") { 1_500_000_000_000_000_000 } else { 1_500_000_000 };
+            assert_eq!(list.entries, [ListEntry { stamp_nanos: nanos, file: "depth/1.png".into() }], "{row}");
+        }
+        assert!(parse("1 ..\\a.png", Path::new("x")).unwrap_err().to_string().contains("inside the folder"));
+        // A comma between a whole time and a name that is a number.
+        assert_eq!(parse("1,2.png\n2,3.png", Path::new("x")).unwrap().entries[1].file, Path::new("3.png"));
+        let nan = parse("nan depth/4.png", Path::new("x")).unwrap_err().to_string();
+        assert!(nan.contains("timestamp is 'nan'"), "{nan}");
     }
 
     #[test]

@@ -6,6 +6,7 @@ use lzfse_rust::LzfseRingDecoder;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
+use tessera_frames::decode::MetresDepth;
 
 /// First bytes of each block; the fourth says which kind.
 const BLOCK: &[u8] = b"bvx";
@@ -17,7 +18,6 @@ const METRES_BYTES: usize = size_of::<f32>();
 ///
 /// # Errors
 /// The stream is damaged, or is not that of `size` columns and rows.
-#[expect(clippy::cast_possible_truncation, reason = "a number from 1 to below 65535")]
 pub(super) fn depth(
     bytes: &[u8],
     size: (u32, u32),
@@ -25,11 +25,11 @@ pub(super) fn depth(
     depth_raw: &mut [u16],
 ) -> Result<(), ImageError> {
     let metres = decompress("depth", bytes, size, METRES_BYTES)?;
+    let mut counted = MetresDepth::new(units_per_metre);
     for (raw, value) in depth_raw.iter_mut().zip(metres.as_chunks::<METRES_BYTES>().0) {
-        let units = (f64::from(f32::from_le_bytes(*value)) * units_per_metre).round();
-        *raw = if units >= 1.0 && units < f64::from(u16::MAX) { units as u16 } else { 0 };
+        *raw = counted.raw(f64::from(f32::from_le_bytes(*value)));
     }
-    Ok(())
+    counted.check()
 }
 
 /// Confidence of each pixel, three times over: 0 low, 1 medium, 2 high.

@@ -2,7 +2,7 @@
 //! of the depth images.
 
 use super::asked::ChosenCamera;
-use super::files::{names, size_of, wrong};
+use super::files::{find, names, size_of, wrong};
 use crate::SourceError;
 use crate::folder::list::ListEntry;
 use std::path::Path;
@@ -20,7 +20,7 @@ const MIDDLE: std::ops::RangeInclusive<f64> = 0.2..=0.8;
 
 /// `camera.toml` of a folder.
 pub(super) fn camera_file_of(folder: &Path) -> Result<Option<(CameraFile, String)>, SourceError> {
-    let file = folder.join(OWN);
+    let file = find(folder, OWN);
     Ok(if file.exists() { Some((CameraFile::load(&file)?, OWN.to_owned())) } else { None })
 }
 
@@ -32,6 +32,16 @@ fn may_hold_a_camera(name: &str) -> bool {
         "txt" => stem == "k" || WORDS.iter().any(|word| stem.contains(word)),
         _ => false,
     }
+}
+
+/// The files beside the images that may hold a camera and are of no form that is known, for people.
+pub(super) fn not_understood(folder: &Path) -> Option<String> {
+    let is_it = |name: &String| {
+        let path = folder.join(name);
+        may_hold_a_camera(name) && path.is_file() && matches!(read_stated(&path), Ok(None))
+    };
+    let names: Vec<String> = names(folder).into_iter().filter(is_it).collect();
+    (!names.is_empty()).then(|| format!(", and no camera of a known form in {}", names.join(", ")))
 }
 
 /// The camera of the one file beside the images that fits the depth images; `None`: there is no
@@ -86,6 +96,12 @@ pub(super) fn camera_beside(
     let file = folder.join(name).display().to_string();
     let chosen = ChosenCamera::stated(camera.camera(size, units, &file)?, from);
     let mut doubts = Vec::new();
+    if camera.intrinsics[0] * camera.intrinsics[1] < 0.0 {
+        doubts.push(format!(
+            "{name}: fx is {}, fy {}: with one of them negative the map is mirrored, unless the images are (as those of ICL-NUIM); write a camera.toml with the right sign",
+            camera.intrinsics[0], camera.intrinsics[1]
+        ));
+    }
     if !is_in_the_middle(&camera.intrinsics, size) {
         let [_, _, cx, cy] = camera.intrinsics;
         doubts.push(format!(

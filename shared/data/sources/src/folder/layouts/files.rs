@@ -6,16 +6,37 @@ use super::super::names::nanos_of;
 use crate::SourceError;
 use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
+use tessera_evaluation::plain_text;
 use tessera_frames::{decode, large};
 use tessera_geometry::Camera;
 
-/// Names of all entries, sorted; none where the folder cannot be read.
+/// Names of all entries, sorted; none where the folder cannot be read. Hidden ones are of the system: macOS
+/// writes a `._NAME` beside each file.
 pub(in crate::folder) fn names(folder: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(folder).map(|entries| entries.flatten().collect::<Vec<_>>());
     let mut names: Vec<String> =
         entries.unwrap_or_default().iter().map(|entry| entry.file_name().to_string_lossy().into()).collect();
+    names.retain(|name| !is_hidden(name));
     names.sort_unstable();
     names
+}
+
+pub(in crate::folder) fn is_hidden(name: &str) -> bool {
+    name.starts_with('.')
+}
+
+/// The file of that name in a folder, in capitals too where there is one such file.
+pub(super) fn find(folder: &Path, name: &str) -> PathBuf {
+    let exact = folder.join(name);
+    if exact.exists() {
+        return exact;
+    }
+    let same: Vec<String> =
+        names(folder).into_iter().filter(|other| other.eq_ignore_ascii_case(name)).collect();
+    match &same[..] {
+        [one] => folder.join(one),
+        _ => exact,
+    }
 }
 
 /// A file whose name holds a number.
@@ -116,7 +137,7 @@ pub(super) fn pinhole(
 /// Reads a text file.
 pub(super) fn text(path: &Path) -> Result<String, SourceError> {
     let bytes = std::fs::read(path).map_err(|source| SourceError::Io { path: path.to_owned(), source })?;
-    Ok(String::from_utf8_lossy(&bytes).into_owned())
+    Ok(plain_text(&bytes))
 }
 
 /// Reads a JSON file.
@@ -124,9 +145,10 @@ pub(super) fn json<T: DeserializeOwned>(path: &Path) -> Result<T, SourceError> {
     serde_json::from_str(&text(path)?).map_err(|error| wrong(path, error.to_string()))
 }
 
-/// The numbers of a text, which may be separated by commas.
+/// The numbers of a text, which may be separated by commas or semicolons.
 pub(super) fn numbers(text: &str, path: &Path) -> Result<Vec<f64>, SourceError> {
-    let words = text.split(|c: char| c.is_whitespace() || c == ',').filter(|word| !word.is_empty());
+    let words =
+        text.split(|c: char| c.is_whitespace() || c == ',' || c == ';').filter(|word| !word.is_empty());
     words
         .map(|word| {
             // `inf` and `nan` are words of C too: poses that are not known.

@@ -2,7 +2,7 @@
 //! `livingRoom0.gt.freiburg` by the same numbers. Associations with times are read as well, and under any
 //! name: many programs have one write such a list for oneself.
 
-use super::super::list::{self, ListEntry};
+use super::super::list::{self, ListEntry, SEPARATORS};
 use super::asked::ChosenCamera;
 use super::files::{names, number_nanos, text, wrong};
 use super::{Asked, FoundLayout, truth, tum};
@@ -142,7 +142,7 @@ struct AssociationRow<'a> {
 impl<'a> AssociationRow<'a> {
     /// Reads a line; which of the two images is depth is told by its path.
     fn parse(line: &'a str) -> Option<Self> {
-        let words: Vec<&str> = line.split_whitespace().collect();
+        let words: Vec<&str> = line.split(SEPARATORS).filter(|word| !word.is_empty()).collect();
         let [a, a_file, b, b_file] = words[..] else { return None };
         let is_inside = |part: Component<'_>| matches!(part, Component::Normal(_) | Component::CurDir);
         if ![a_file, b_file].iter().all(|file| Path::new(file).components().all(is_inside)) {

@@ -27,7 +27,7 @@ use super::video::Video;
 use crate::SourceError;
 pub(super) use asked::Asked;
 use asked::ChosenCamera;
-pub(super) use files::names;
+pub(super) use files::{is_hidden, names};
 pub(crate) use pose::from_matrix as pose_of_matrix;
 pub(super) use record3d::{is_recording, read_files as read_record3d};
 use std::path::{Path, PathBuf};
@@ -37,6 +37,9 @@ use tessera_geometry::Camera;
 
 /// Entries of a folder that a message names.
 const MOST_NAMED: usize = 8;
+
+/// Entries of a folder that are looked into for one that is known.
+const MOST_LOOKED_AT: usize = 64;
 
 /// What a folder holds.
 #[derive(Clone, Debug)]
@@ -140,10 +143,52 @@ fn unknown(folder: &Path) -> SourceError {
         }
         _ => {}
     }
-    let inside = names.iter().map(|name| folder.join(name)).find(|path| path.is_dir() && is_known(path));
-    let hint = inside.map_or(String::new(), |path| format!("; did you mean {}?", path.display()));
+    let hint = match known_inside(folder) {
+        Some(path) => format!("; did you mean {}?", path.display()),
+        None => in_one_folder(folder, &names).unwrap_or_default(),
+    };
     let expected = LAYOUTS.iter().map(|layout| layout.name).collect::<Vec<&str>>().join(", ");
     SourceError::NoLayout { folder: folder.to_owned(), expected, there_are, hint }
+}
+
+/// A folder inside whose layout is known, as far as two down.
+fn known_inside(folder: &Path) -> Option<PathBuf> {
+    let inside = |folder: &Path| -> Vec<PathBuf> {
+        let names = files::names(folder).into_iter().take(MOST_LOOKED_AT);
+        names.map(|name| folder.join(name)).filter(|path| path.is_dir()).collect()
+    };
+    let first = inside(folder);
+    let second = first.iter().flat_map(|path| inside(path));
+    first.iter().cloned().chain(second).find(|path| is_known(path))
+}
+
+/// The commands that list images of depth and colour which lie side by side.
+fn in_one_folder(folder: &Path, names: &[String]) -> Option<String> {
+    let pattern = |words: &[&str]| {
+        let is_of = |name: &&String, word: &str| {
+            let name = name.to_lowercase();
+            name.contains(word)
+                && [".png", ".jpg", ".tif", ".tiff", ".npy", ".pgm", ".exr"]
+                    .iter()
+                    .any(|end| name.ends_with(end))
+        };
+        words.iter().find_map(|word| {
+            let name = names.iter().find(|name| is_of(name, word))?;
+            let end = name.rsplit_once('.').map_or("", |(_, end)| end);
+            let at = name.to_lowercase().find(word)?;
+            Some(format!("*{}*.{end}", name.get(at..at.saturating_add(word.len()))?))
+        })
+    };
+    let listed = |pattern: String, list: &str| {
+        format!("ls -v {pattern} | awk '{{printf \"%.6f %s\\n\", (NR-1)/30, $0}}' > {list}")
+    };
+    let depth = listed(pattern(&["depth"])?, "depth.txt");
+    let colour = pattern(&["color", "colour", "rgb"]).map(|pattern| listed(pattern, "rgb.txt"));
+    let commands = std::iter::once(depth).chain(colour).collect::<Vec<String>>().join("; ");
+    Some(format!(
+        "; images of depth and colour in one folder are listed, at 30 a second, by: cd '{}' && {commands}",
+        folder.display()
+    ))
 }
 
 #[cfg(test)]

@@ -24,17 +24,48 @@ const UNITS_PER_METRE: f64 = 1000.0;
 const REDWOOD_DIGITS: (std::ops::RangeInclusive<usize>, usize) = (6..=7, 12);
 
 pub(super) fn is(folder: &Path) -> bool {
-    folder.join(DEPTH).is_dir()
-        && names(&folder.join(DEPTH))
-            .iter()
-            .any(|name| DEPTH_ENDS.iter().any(|end| name.to_lowercase().ends_with(&format!(".{end}"))))
+    depth_folder(folder).is_some()
+}
+
+/// The folder of depth: `depth` in any capitals, else the only one with depth images and `depth` in its name.
+fn depth_folder(folder: &Path) -> Option<String> {
+    let has_depth = |name: &String| {
+        let is_depth =
+            |file: &String| DEPTH_ENDS.iter().any(|end| file.to_lowercase().ends_with(&format!(".{end}")));
+        names(&folder.join(name)).iter().any(is_depth)
+    };
+    the_one(folder, |name| name == DEPTH, |name| name.contains(DEPTH), has_depth)
+}
+
+/// The folder of colour: one of the usual names, else the only one with such a word in its name.
+fn colour_folder(folder: &Path, depth: &str) -> Option<String> {
+    let is_named = |name: &str| {
+        !name.contains(DEPTH) && ["color", "colour", "rgb"].iter().any(|word| name.contains(word))
+    };
+    let usual = |name: &str| COLOUR_FOLDERS.contains(&name);
+    the_one(folder, usual, is_named, |name| name != depth)
+}
+
+/// The first folder inside whose name is usual, in small letters, else the only one that is named so.
+fn the_one(
+    folder: &Path,
+    is_usual: impl Fn(&str) -> bool,
+    is_named: impl Fn(&str) -> bool,
+    is_good: impl Fn(&String) -> bool,
+) -> Option<String> {
+    let named: Vec<String> = names(folder)
+        .into_iter()
+        .filter(|name| is_named(&name.to_lowercase()) || is_usual(&name.to_lowercase()))
+        .filter(|name| folder.join(name).is_dir() && is_good(name))
+        .collect();
+    let usual = named.iter().find(|name| is_usual(&name.to_lowercase()));
+    usual.or(named.first().filter(|_| named.len() == 1)).cloned()
 }
 
 pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceError> {
-    let mut depth = NamedImages::of(folder, DEPTH, &DEPTH_ENDS, asked)?;
-    let colour_folder = names(folder)
-        .into_iter()
-        .find(|name| COLOUR_FOLDERS.contains(&name.to_lowercase().as_str()) && folder.join(name).is_dir());
+    let depth_folder = depth_folder(folder).unwrap_or_else(|| DEPTH.to_owned());
+    let mut depth = NamedImages::of(folder, &depth_folder, &DEPTH_ENDS, asked)?;
+    let colour_folder = colour_folder(folder, &depth_folder);
     let mut colour = match &colour_folder {
         Some(name) => {
             NamedImages::of(folder, name, &["jpg", "jpeg", "png", "bmp", "webp", "tif", "tiff"], asked)?
@@ -82,6 +113,9 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
     }
     found.warnings.extend(depth.warning.iter().chain(&colour.warning).cloned());
     found.warnings.extend(moved);
+    if !has_times && asked.fps.is_none() {
+        found.warnings.extend(unread_times(folder));
+    }
     found.warnings.extend(depth.wide_steps(fps).filter(|_| asked.fps.is_none()));
     // Open3D's own sample has odometry.log beside trajectory.log: motions from frame to frame.
     let logs: Vec<String> = names(folder).into_iter().filter(|name| name.ends_with(".log")).collect();
@@ -91,6 +125,18 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
     }
     found.notes.push(("times", words));
     Ok(found)
+}
+
+/// A file that may hold the times of images whose names have none: which of them it counts, and in what,
+/// nothing says.
+fn unread_times(folder: &Path) -> Option<String> {
+    let is_text =
+        |name: &str| ["txt", "csv", "json", "npy"].iter().any(|end| name.ends_with(&format!(".{end}")));
+    let is_named = |name: &str| is_text(name) && (name.contains("time") || name.contains("stamp"));
+    let name = names(folder).into_iter().find(|name| is_named(&name.to_lowercase()))?;
+    Some(format!(
+        "{name} is not read, and the names of the images are no times: a depth.txt with lines of: timestamp filename gives them, --fps N a rate"
+    ))
 }
 
 /// Whether a name is as Redwood writes them.

@@ -10,6 +10,7 @@ mod misread;
 mod mutations;
 mod read_wrong;
 mod record3d;
+mod strangers;
 
 const SIZE: (u32, u32) = (32, 24);
 /// Camera to world: a step of 0.25 m to the right and a half turn about y.

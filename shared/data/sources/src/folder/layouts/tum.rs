@@ -5,10 +5,11 @@
 
 use super::super::list::{self, ImageList, ListEntry};
 use super::asked::ChosenCamera;
-use super::files::{names, number_nanos};
+use super::files::{find, names, number_nanos};
 use super::{Asked, FoundLayout};
 use crate::SourceError;
 use std::path::Path;
+use tessera_evaluation::plain_text;
 use tessera_frames::cameras::named_camera;
 use tessera_frames::judge::{FocalEvidence, UnitsEvidence, judge_focal, judge_units};
 use tessera_geometry::Camera;
@@ -23,13 +24,13 @@ pub(super) const UNITS_PER_METRE: f64 = 5000.0;
 const HEAD_LINES: usize = 5;
 
 pub(super) fn is(folder: &Path) -> bool {
-    folder.join("depth.txt").is_file() || folder.join("rgb.txt").is_file()
+    find(folder, "depth.txt").is_file() || find(folder, "rgb.txt").is_file()
 }
 
 pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceError> {
-    let depth = list::read(&folder.join("depth.txt"))?;
+    let depth = list::read(&find(folder, "depth.txt"))?;
     let (mut warnings, mut no_colour) = (Vec::new(), None);
-    let colour = colour(&folder.join("rgb.txt"), &mut no_colour)?;
+    let colour = colour(&find(folder, "rgb.txt"), &mut no_colour)?;
     let chosen =
         asked.camera_or_beside(folder, &depth.entries, UNITS_PER_METRE, || camera_by_name(folder))?;
     let is_numbered = depth.is_numbered && (colour.is_numbered || colour.entries.is_empty());
@@ -45,7 +46,7 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
         warnings.push(format!("the stamps of depth.txt are frame numbers; times: {words}"));
         found.notes.push(("times", words));
     }
-    found.take_tum_truth(&folder.join("groundtruth.txt"));
+    found.take_tum_truth(&find(folder, "groundtruth.txt"));
     found.warnings.extend(warnings);
     found.doubts.extend(doubt);
     Ok(found)
@@ -100,7 +101,7 @@ fn named(folder: &Path) -> Result<Option<(Camera, String)>, SourceError> {
         absolute.file_name().map(|name| name.to_string_lossy().into()),
     )];
     for list in ["depth.txt", "rgb.txt", "groundtruth.txt"] {
-        let head = std::fs::read(folder.join(list)).ok().map(|bytes| head(&String::from_utf8_lossy(&bytes)));
+        let head = std::fs::read(find(folder, list)).ok().map(|bytes| head(&plain_text(&bytes)));
         texts.push((format!("the head of {list}"), head));
     }
     for (from, text) in texts {

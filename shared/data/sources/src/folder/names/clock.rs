@@ -111,6 +111,12 @@ pub(super) fn is_since_1970(word: &str, unit: u64) -> bool {
     word.parse().is_ok_and(|value| since.contains(&value))
 }
 
+/// The unit that all words count since 1970, by its name.
+pub(super) fn unit_since_1970(words: &[&str]) -> Option<&'static str> {
+    let is = |(unit, _): &(u64, &str)| words.iter().all(|word| is_since_1970(word, *unit));
+    UNITS.into_iter().find(is).map(|(_, name)| name)
+}
+
 /// Whole numbers.
 pub(super) fn values(words: &[&str]) -> Result<Vec<u64>, String> {
     let value = |word: &&str| {

@@ -18,6 +18,10 @@ use clock::{SECOND, regularity};
 
 /// Share of regular steps from which on a reading is believed.
 const REGULAR: f64 = 0.7;
+/// What gives the times of names that are not understood.
+const LIST: &str = "a depth.txt with lines of: timestamp filename gives their times";
+/// Cameras whose images lie in one folder, and takes.
+const MOST_CAMERAS: usize = 8;
 /// Names that a sentence shows.
 const MOST_SHOWN: usize = 2;
 
@@ -84,7 +88,10 @@ pub(super) fn understand(stems: &[&str], is_rate_given: bool) -> Result<Understo
     if 2 * kept.len() <= numbered.len() && numbered.len() > 1 {
         let other =
             numbered.iter().find(|at| all[**at].texts != all[common].texts).map_or("", |at| stems[*at]);
-        return Err(format!("names of several forms, as '{}' and '{other}', expected one", stems[common]));
+        return Err(format!(
+            "names of several forms, as '{}' and '{other}', expected one; {LIST}",
+            stems[common]
+        ));
     }
     let left_out: Vec<&str> = (0..stems.len()).filter(|at| !kept.contains(at)).map(|at| stems[at]).collect();
     let warning = (!left_out.is_empty()).then(|| {
@@ -133,7 +140,7 @@ fn meaning(rows: &[&Pieces<'_>], is_rate_given: bool) -> Result<NameMeaning, Str
         [a, b] if b == a + 1 => pair(&column(rows, a), &column(rows, b), first.texts[b], is_rate_given),
         [a, b] if is_running(&column(rows, a)) => single(&column(rows, b), is_rate_given),
         _ => Err(format!(
-            "names with {} numbers that change, expected a frame number, or a time in seconds, sec_nsec, milli-, micro- or nanoseconds",
+            "names with {} numbers that change, expected a frame number, or a time in seconds, sec_nsec, milli-, micro- or nanoseconds; {LIST}",
             columns.len()
         )),
     }
@@ -149,6 +156,25 @@ fn is_running(words: &[&str]) -> bool {
     values.sort_unstable();
     let is_small = |pair: &[u64]| pair[1] > pair[0] && pair[1] - pair[0] <= clock::MOST_FRAME_STEP;
     values.windows(2).all(is_small) && !clock::is_since_1970(words[0], SECOND)
+}
+
+/// Whether one number names a few cameras, each of which has the images that the other one counts.
+fn is_of_cameras(cameras: &[&str], images: &[&str]) -> bool {
+    let distinct = |words: &[&str]| -> Vec<u64> {
+        let mut values = clock::values(words).unwrap_or_default();
+        values.sort_unstable();
+        values.dedup();
+        values
+    };
+    let (cameras, counted) = (distinct(cameras), distinct(images));
+    let is_counted = |pair: &[u64]| pair[1] - pair[0] <= clock::MOST_FRAME_STEP;
+    (2..=MOST_CAMERAS).contains(&cameras.len())
+        && cameras.windows(2).all(|pair| pair[1] - pair[0] == 1)
+        && cameras[0] <= 1
+        && counted.len() > cameras.len()
+        && counted.windows(2).all(is_counted)
+        // One image may be missing here and there.
+        && 10 * images.len() >= 9 * cameras.len() * counted.len()
 }
 
 /// One number a name.
@@ -170,6 +196,15 @@ fn single(words: &[&str], is_rate_given: bool) -> Result<NameMeaning, String> {
 /// Two numbers a name: seconds and a fraction of them, or a running number and a time.
 fn pair(a: &[&str], b: &[&str], between: &str, is_rate_given: bool) -> Result<NameMeaning, String> {
     let is_since_1970 = a.iter().all(|word| clock::is_since_1970(word, SECOND));
+    if between != "." && (is_of_cameras(a, b) || is_of_cameras(b, a)) {
+        return Err(format!(
+            "names with two numbers that count, as '{}{between}{}' and '{}{between}{}', images of several cameras or takes? expected those of one; {LIST}",
+            a[0],
+            b[0],
+            a.last().unwrap_or(&""),
+            b.last().unwrap_or(&"")
+        ));
+    }
     if between != "." && !is_since_1970 && is_running(a) {
         return match single(b, is_rate_given)? {
             // As `12_12`: both count.
@@ -177,7 +212,10 @@ fn pair(a: &[&str], b: &[&str], between: &str, is_rate_given: bool) -> Result<Na
             times => Ok(times),
         };
     }
-    let mut readings = [(clock::decimal(a, b), "seconds"), (clock::counted(a, b), "seconds and their parts")];
+    let mut readings = [
+        (clock::decimal(a, b), clock::unit_since_1970(a).unwrap_or("seconds")),
+        (clock::counted(a, b), "seconds and their parts"),
+    ];
     if between != "." {
         readings.reverse();
     }
@@ -197,7 +235,7 @@ fn pair(a: &[&str], b: &[&str], between: &str, is_rate_given: bool) -> Result<Na
             Ok(NameMeaning::Times(times, format!("{how} in the names of the images")))
         }
         _ => Err(format!(
-            "names with numbers as '{}{between}{}', expected a frame number, or a time in seconds, sec_nsec, milli-, micro- or nanoseconds",
+            "names with numbers as '{}{between}{}', expected a frame number, or a time in seconds, sec_nsec, milli-, micro- or nanoseconds; {LIST}",
             a[0], b[0]
         )),
     }

@@ -6,7 +6,7 @@ use tessera_frames::ImageError;
 const START: i64 = 1_700_000_000_000_000_000;
 
 /// Sixty images at 30 frames a second in `depth/` and a folder of colour, named by number and time.
-fn named(colour: &str, name: impl Fn(i64, i64) -> String) -> Folder {
+pub(super) fn named(colour: &str, name: impl Fn(i64, i64) -> String) -> Folder {
     let folder = Folder::new();
     let depth = Folder::new();
     depth.depth("d.png", 1500);
