@@ -46,6 +46,12 @@ for _fault, _arguments in {
 }.items():
     for _name in ["fr1_desk_200", "fr1_rpy_400", "d435_office_400", "room"]:
         SEQUENCES[f"{_name}, {_fault}"] = SEQUENCES[_name] + _arguments
+# A rolling shutter of 30 ms that no file states; the D435 has none, and one is stated.
+SEQUENCES |= {
+    "fr1_rpy_400, readout unstated": SEQUENCES["fr1_rpy_400"] + ["--readout", "0"],
+    "room, readout unstated": SEQUENCES["room"] + ["--simulation", "readout_s = 0.03", "--readout", "0"],
+    "d435_office_400, readout of 30 ms stated": SEQUENCES["d435_office_400"] + ["--readout", "0.03"],
+}
 
 # Figures: column, key, decimals, whether less is better.
 FIGURES = [

@@ -72,3 +72,22 @@ fn a_camera_that_vanishes_is_found_again_where_it_comes_back() {
     assert!(n_sought <= 10, "{n_sought} images until it was found");
     assert_tracked("after", &found[90 + n_sought..]);
 }
+
+#[test]
+fn images_without_depth_cost_themselves_alone() {
+    let source = SimulatedSource::open(SceneName::Room, None, None, &SimulationOptions::default()).unwrap();
+    let mut run = Run::new(source.camera(), &Method::default()).unwrap();
+    // One alone, and three in a row.
+    let is_empty = |index: u64| index == 40 || (60..63).contains(&index);
+    for index in 0..90 {
+        let mut frame = RawFrame::read(&source, index).unwrap();
+        if is_empty(index) {
+            frame.depth.fill(0);
+        }
+        run.push(&frame);
+    }
+    let records = run.stop();
+    let lost: Vec<u64> =
+        records.frames().filter(|frame| frame.state != State::Tracking).map(|frame| frame.index).collect();
+    assert_eq!(lost, (0..90).filter(|index| is_empty(*index)).collect::<Vec<_>>());
+}

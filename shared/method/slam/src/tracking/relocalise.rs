@@ -6,6 +6,7 @@
 //!
 //! Where relocalisation was asked for, the last pose is no candidate until a place is found.
 
+use crate::evidence::pose_agreement::FAR_VOLUME;
 use crate::evidence::sequential::{SequentialTest, TestVerdict};
 use crate::map::appearance::similarity;
 use crate::map::cause::{CandidatePlace, Cause};
@@ -111,7 +112,21 @@ pub(crate) fn relocalise(
         return Err(vec![why_lost, Cause::NoPlaceFits(n_candidates)]);
     };
     let test = SequentialTest::default().with(shown.llr_nats(), 1.0);
+    let test = test.with(motion_nats(input, prediction, &found), 1.0);
     Ok(as_far_as_certain(found, test, vec![why_lost, how]))
+}
+
+/// Evidence of a place by the motion before the frames that were lost, nats: after one image without depth the camera is
+/// where it was going, after a second it may be anywhere.
+fn motion_nats(input: &TrackingInput<'_>, prediction: &Prediction, found: &WindowAlignment) -> f64 {
+    let state = input.map.state();
+    let component = |submap| state.submaps.component(submap);
+    let is_led_to = component(found.submap) == component(input.map.submap());
+    let is_dropped = state.is_pose_dropped || is_asked(input);
+    let motion = prediction.motion.as_ref().filter(|_| is_led_to && !is_dropped);
+    motion.map_or(0.0, |motion| {
+        motion.coincidence_nats(&found.alignment.world_from_camera, FAR_VOLUME).max(0.0)
+    })
 }
 
 /// The place of a frame among these keyframes, wherever they are. `turn` goes through all of them.

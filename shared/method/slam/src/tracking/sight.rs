@@ -359,7 +359,6 @@ impl Sight {
         let of_surfaces = of(&judged.origin, judged.sums, judged.factor * surfaces);
         let of_features = of(&pair.target_from_query, &pair.sums, features);
         let coupling = coupling(pair, velocities, &context.colour) / features;
-        // A map's first frame has no motion that is known, and so not where its colour was exposed.
         let nats = own_nats(&of_surfaces, &of_features, &coupling, &judged.parameters);
         sums.add(&context.camera, &pair.inliers, &at, nats);
     }

@@ -1,11 +1,12 @@
 //! Runs whole sequences in one process and prints their errors.
 //!
-//! `cargo run --release -p tessera-offline --example run_sequence -- SEQUENCE... [--frames N] [--seeds N] [--every N] [--reverse] [--holes SHARE] [--colour FAULT] [--colour-of SEQUENCE] [--camera FILE] [--simulation 'KEY = VALUE'] [--skip N] [--json] [key=value]...`
+//! `cargo run --release -p tessera-offline --example run_sequence -- SEQUENCE... [--frames N] [--seeds N] [--every N] [--reverse] [--holes SHARE] [--colour FAULT] [--colour-of SEQUENCE] [--camera FILE] [--readout SECONDS] [--simulation 'KEY = VALUE'] [--skip N] [--json] [key=value]...`
 //!
 //! A SEQUENCE is a folder or a simulated scene. `--every 6` takes each sixth frame, `--reverse` goes
 //! backwards in time, `--holes 0.37` takes the depth of that share of pixels away, at random,
 //! `--colour-of` takes the colour images of another sequence of the same size, and `--camera` takes
-//! another camera: a folder's frames are as they are, a scene is rendered with it. `--json` prints a line of
+//! another camera: a folder's frames are as they are, a scene is rendered with it; `--readout` states another readout of
+//! frames as they are. `--json` prints a line of
 //! figures for each run, which `scripts/accuracy.py` reads.
 #![forbid(unsafe_code)]
 
@@ -26,6 +27,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let mut out = None;
     let (mut every, mut is_reversed, mut hole_share, mut camera) = (1, false, 0.0, None);
+    let mut readout_s = None;
     let mut simulation = SimulationOptions::default();
     let (mut colour_fault, mut colour_of) = (None, None);
     let (mut skip, mut is_json) = (0, false);
@@ -40,6 +42,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             "--colour" => colour_fault = arguments.next(),
             "--colour-of" => colour_of = arguments.next(),
             "--camera" => camera = arguments.next(),
+            "--readout" => readout_s = Some(arguments.next().ok_or("--readout SECONDS")?.parse::<f64>()?),
             "--skip" => skip = arguments.next().ok_or("--skip N")?.parse::<u64>()?,
             "--json" => is_json = true,
             "--simulation" => {
@@ -84,8 +87,10 @@ fn main() -> Result<(), Box<dyn Error>> {
                 registration: settings.registration.clone(),
                 mapping: settings.mapping.clone(),
             };
+            let mut stated = source.camera().clone();
+            stated.readout_s = readout_s.unwrap_or(stated.readout_s);
             let started = cpu_ms();
-            let mut run = Run::new(source.camera(), &method)?;
+            let mut run = Run::new(&stated, &method)?;
             for frame in &decoded {
                 run.push(frame);
             }
