@@ -1,4 +1,4 @@
-//! Acceptance checks of method 13.2 that concern alignment, on simulated rooms, corridors and walls.
+//! Acceptance checks that concern alignment, on simulated rooms, corridors and walls.
 
 use nalgebra::Vector3;
 use tessera_geometry::{Camera, DepthNoise, Matrix6, Pose, Twist, exp, translation_rotation_norms};

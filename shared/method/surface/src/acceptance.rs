@@ -1,4 +1,4 @@
-//! The acceptance checks of method 13.2 that concern surfaces, on simulated walls.
+//! Acceptance checks that concern surfaces, on simulated walls.
 
 use crate::mesh::{self, EdgeTest};
 use crate::planes::Workspace;

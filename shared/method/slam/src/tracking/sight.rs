@@ -127,24 +127,18 @@ impl Sight {
         self.observations = all.filter(|(_, is_kept)| **is_kept).map(|(o, _)| *o).collect();
     }
 
-    /// Observes the features again with a better known motion, where that moves them; whether it does.
-    pub(crate) fn observe_again(
-        &mut self,
-        context: &Context,
-        surface: &SurfaceView<'_>,
-        velocity: &Twist,
-    ) -> bool {
+    /// Observes the features again with a better known motion, where that moves them.
+    pub(crate) fn observe_again(&mut self, context: &Context, surface: &SurfaceView<'_>, velocity: &Twist) {
         let change = Twist { rho: velocity.rho - self.velocity.rho, phi: velocity.phi - self.velocity.phi };
         let seconds = context.colour.lag_s.abs() + 0.25 * context.camera.readout_s.abs();
         if (change.phi.norm() + 0.5 * change.rho.norm()) * seconds * context.camera.focal_px()
             < LEAST_RESIDUAL_PX
         {
-            return false;
+            return;
         }
         self.velocity = *velocity;
         self.pairs.clear();
         self.observations = lift(context, &self.features, surface, velocity).into();
-        true
     }
 
     /// Refuses the pairs found so far: they are no measurement, and colour is judged by them.

@@ -60,13 +60,6 @@ pub(crate) fn align_to(
     let weight = input.context.feature_weight() * aligner.independent_factor();
     aligner.sight.pair_all(input.context, &mut references, &guess.world_from_camera, weight);
     let mut alignment = aligner.align(input.context, samples, &references, guess);
-    // Where a feature was seen at the stamp depends on the motion, as far as its row or its image is off it.
-    let velocity = alignment.velocity;
-    if guess.is_known && aligner.sight.observe_again(input.context, &input.frame.surface, &velocity) {
-        let guess = Prediction { world_from_camera: alignment.world_from_camera, velocity, ..*guess };
-        aligner.sight.pair_all(input.context, &mut references, &guess.world_from_camera, weight);
-        alignment = aligner.align(input.context, samples, &references, &guess);
-    }
     if input.context.is_colour_trusted {
         alignment.n_agreeing = aligner.sight.n_agreeing(&references, &alignment.world_from_camera);
     }
