@@ -257,8 +257,14 @@ impl ColourState {
         self.is_trusted() && (self.n_frames < PROBATION_FRAMES || self.residual_px > VAGUE_PX)
     }
 
+    /// Covariance of lag and ratio before anything is measured: how far a camera's own colour may lie from its depth.
+    /// That of the estimate takes velocities as exact, and is no judge.
+    pub(crate) fn prior_covariance() -> ParameterMatrix {
+        ParameterMatrix::from_diagonal(&PRIOR_SIGMAS.map(|sigma| sigma * sigma).into())
+    }
+
     /// Covariance of lag and ratio.
-    pub(crate) fn covariance(&self) -> Option<ParameterMatrix> {
+    fn covariance(&self) -> Option<ParameterMatrix> {
         let [a, b, d] = self.information;
         ParameterMatrix::new(a, b, b, d).try_inverse()
     }

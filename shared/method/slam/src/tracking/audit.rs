@@ -5,7 +5,7 @@
 //! A direction that the surfaces leave open, as those of a corridor or of one wall do, is not judged: their covariance
 //! is large there.
 
-use crate::estimation::colour_model::ColourRecord;
+use crate::estimation::colour_model::{ColourRecord, ColourState};
 use crate::map::records::State;
 use crate::settings::WindowSettings;
 use crate::tracking::alignment::Aligner;
@@ -48,7 +48,7 @@ pub(crate) fn colour_record(
     if !alone.is_solved {
         return None;
     }
-    let (factor, parameters) = (aligner.independent_factor(), colour.covariance()?);
+    let (factor, parameters) = (aligner.independent_factor(), ColourState::prior_covariance());
     let mut sums = Observed::default();
     for ((member, reference), (origin, block)) in members.iter().zip(&references).zip(&alone.blocks) {
         if !matches!(member, Member::Keyframe(_)) {

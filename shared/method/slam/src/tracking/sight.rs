@@ -375,7 +375,7 @@ pub(crate) struct Judged<'a> {
     pub(crate) factor: f64,
     /// Of the target.
     pub(crate) velocity: Twist,
-    /// Covariance of lag and focal ratio.
+    /// Covariance of lag and focal ratio before anything is measured.
     pub(crate) parameters: ParameterMatrix,
 }
 
