@@ -107,7 +107,7 @@ fn estimate(truth: &ColourModel, stated: ColourModel) -> ColourState {
         };
         let velocities = [query_velocity, target_velocity];
         let slope = coupling(&found, [&query_velocity, &target_velocity], &context.colour);
-        let nats = own_nats(&of(&lower), &of(&found.sums), &slope, &state.covariance().unwrap());
+        let nats = own_nats(&of(&lower), &of(&found.sums), &slope, &ColourState::prior_covariance());
         let mut sums = Observed::default();
         sums.add(&context.camera, &found.inliers, &target_from_query, nats);
         state.apply_audit(&sums.record().unwrap());
