@@ -17,7 +17,6 @@ use tessera_registration::ReadoutSums;
 const PRIOR_SIGMA_S: f64 = 0.019;
 /// Standard deviation of what a camera file states, seconds.
 const STATED_SIGMA_S: f64 = 0.003;
-
 /// Consistency of Student's t at the normal distribution: `1 / E[(nu + 1) q / (nu + q)]` for `q` of a chi-square of 1.
 const CONSISTENCY: f64 = 1.27;
 
@@ -60,6 +59,10 @@ impl ReadoutState {
 
     /// Takes a frame's equation in; what was seen before counts less by `forgetting`, down to the prior.
     pub(crate) fn apply(&mut self, record: &ReadoutRecord, forgetting: f64) {
+        // A record may come from elsewhere.
+        if !(record.information > 0.0 && record.information.is_finite() && record.gradient.is_finite()) {
+            return;
+        }
         let [value, sigma] = self.estimate();
         let own = record.gradient / record.information;
         let squared = (own - value).powi(2) / (1.0 / record.information + sigma * sigma);
@@ -78,4 +81,26 @@ impl ReadoutState {
 
 fn prior(sigma_s: f64) -> f64 {
     1.0 / (sigma_s * sigma_s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_that_agree_lead_to_their_readout_and_one_that_does_not_hardly_moves_it() {
+        let of = |readout_s: f64| ReadoutRecord { information: 1e5, gradient: 1e5 * readout_s };
+        let mut state = ReadoutState::stated(0.0);
+        (0..40).for_each(|_| state.apply(&of(0.03), 0.01));
+        let [found_s, sigma_s] = state.estimate();
+        assert!((found_s - 0.03).abs() < 0.001 && sigma_s < 0.001, "{found_s} +- {sigma_s} s");
+        state.apply(&of(-0.2), 0.01);
+        assert!((state.estimate()[0] - found_s).abs() < sigma_s);
+        for wrong in [f64::NAN, f64::INFINITY, 0.0, -1.0] {
+            let before = state;
+            state.apply(&ReadoutRecord { information: wrong, gradient: 1.0 }, 0.01);
+            state.apply(&ReadoutRecord { information: 1.0, gradient: wrong / 0.0 }, 0.01);
+            assert_eq!(state, before);
+        }
+    }
 }

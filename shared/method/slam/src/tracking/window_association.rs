@@ -42,9 +42,7 @@ impl WindowAssociation<'_, '_> {
             self.velocity = log(&(previous.inverse() * world_from_camera)).scaled(1.0 / seconds);
         }
     }
-}
 
-impl WindowAssociation<'_, '_> {
     /// What the matches of the last reference tell of the readout of this camera.
     pub(crate) fn readout(&self) -> Option<ReadoutRecord> {
         let (target, surfaces, (origin, _)) =
