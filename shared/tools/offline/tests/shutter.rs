@@ -30,7 +30,7 @@ fn the_readout_goes_to_the_true_one_from_what_is_stated() {
         let moved = (found_s - stated_s) / (true_s - stated_s);
         println!("{true_s} s for {stated_s} s: {found_s} +- {sigma_s} s, applied {applied_s} s");
         assert!((0.15..1.1).contains(&moved), "{true_s} s for {stated_s} s: {found_s} +- {sigma_s} s");
-        assert!((applied_s - found_s).abs() <= sigma_s);
+        assert!((applied_s - found_s).abs() <= 2.6 * sigma_s);
     }
 }
 

@@ -3,7 +3,7 @@
 //!
 //! The parameters are the maximum of their posterior. Lag and ratio ([`crate::estimation::colour_pose`] gives the
 //! likelihood) are applied where their own deviations tell that they are not zero; the readout
-//! ([`crate::estimation::readout`]) as it is known, so that no rule decides between a shutter and none.
+//! ([`crate::estimation::readout`]) where they tell that what is applied is wrong.
 
 use crate::estimation::colour_pose::{ColourParameters, ParameterMatrix, ParameterSums};
 use crate::estimation::readout::{ReadoutRecord, ReadoutState};
@@ -121,7 +121,7 @@ const FORGETTING: f64 = 0.01;
 /// and fields of view of the two lenses differ by some tenths.
 const PRIOR_SIGMAS: [f64; 2] = [0.03, 0.1];
 /// Standard deviations of what a camera file states: on two recordings of one camera the lag differs by 2 ms.
-const STATED_SIGMAS: [f64; 2] = [0.003, 0.005];
+pub(crate) const STATED_SIGMAS: [f64; 2] = [0.003, 0.005];
 /// Standard deviations beyond which a parameter is not zero: one in 10^6.
 const CERTAIN_SIGMAS: f64 = 4.9;
 /// Standard deviations below which it may well be zero: one in 100.
@@ -231,11 +231,11 @@ impl ColourState {
         self.decide();
     }
 
-    /// Takes a frame's equation of the readout in; what is applied changes where it moved by its deviation.
+    /// Takes a frame's equation of the readout in; what is applied changes where it is wrong but for one in 100.
     fn apply_readout(&mut self, record: &ReadoutRecord) {
         self.readout.apply(record, FORGETTING);
         let [value, sigma] = self.readout.estimate();
-        if (value - self.model.readout_s).abs() > sigma {
+        if (value - self.model.readout_s).abs() > DOUBTED_SIGMAS * sigma {
             self.model.readout_s = value;
         }
     }

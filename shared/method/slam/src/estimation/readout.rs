@@ -8,6 +8,7 @@
 //! information = sum E^T Omega E - K^T N^-1 K,   gradient = K^T N^-1 g - sum E^T Omega e,   K = sum J^T Omega E.
 //! ```
 
+use crate::estimation::colour_model::STATED_SIGMAS;
 use crate::estimation::motion_filter::STUDENT_FREEDOM;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::{Matrix6, Vector6};
@@ -15,8 +16,6 @@ use tessera_registration::ReadoutSums;
 
 /// Standard deviation before anything is measured, seconds: from nothing to a frame of 33 ms, evenly.
 const PRIOR_SIGMA_S: f64 = 0.019;
-/// Standard deviation of what a camera file states, seconds.
-const STATED_SIGMA_S: f64 = 0.003;
 /// Consistency of Student's t at the normal distribution: `1 / E[(nu + 1) q / (nu + q)]` for `q` of a chi-square of 1.
 const CONSISTENCY: f64 = 1.27;
 
@@ -53,7 +52,7 @@ pub(crate) struct ReadoutState(ReadoutRecord);
 impl ReadoutState {
     /// Before the first frame, of a camera file.
     pub(crate) fn stated(readout_s: f64) -> Self {
-        let information = prior(if readout_s == 0.0 { PRIOR_SIGMA_S } else { STATED_SIGMA_S });
+        let information = prior(if readout_s == 0.0 { PRIOR_SIGMA_S } else { STATED_SIGMAS[0] });
         Self(ReadoutRecord { information, gradient: information * readout_s })
     }
 
