@@ -4,7 +4,7 @@ use crate::code;
 
 /// Numeric constants of `shared/method/slam` outside of tests, fields of settings aside. Lower it with each
 /// one that is derived or estimated instead; 80 is the aim.
-const MOST_CONSTANTS: usize = 162;
+const MOST_CONSTANTS: usize = 160;
 
 /// Whether a line defines a constant that is a number, or several.
 fn is_number(line: &str) -> bool {

@@ -62,6 +62,7 @@ mod promises {
     }
     /// The manual tells what is there.
     mod documentation {
+        mod made_elsewhere;
         mod manual;
         mod messages;
         mod small_recording;

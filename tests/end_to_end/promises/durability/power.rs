@@ -9,6 +9,7 @@ use crate::requirements::missing;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use tessera_numerics::SplitMix64;
 
 /// Places at which the power is cut; `TESSERA_POWER_CUTS` for more.
 const CUTS: usize = 12;
@@ -90,7 +91,7 @@ impl OnDisk {
 
     /// What a power cut leaves: each page that was not synced by itself, or those up to some place; the
     /// file as long as it was synced, as it was seen, or something in between.
-    fn after_cut(&self, random: &mut Random) -> Vec<u8> {
+    fn after_cut(&self, random: &mut SplitMix64) -> Vec<u8> {
         let (old, new) = (&self.synced, &self.cached);
         let is_prefix = random.below(2) == 0;
         let n_pages = new.len().max(old.len()).div_ceil(PAGE);
@@ -112,19 +113,6 @@ impl OnDisk {
         };
         left.resize(len, 0);
         left
-    }
-}
-
-/// SplitMix64.
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, n: usize) -> usize {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) % n.max(1) as u64) as usize
     }
 }
 
@@ -152,7 +140,7 @@ fn a_power_cut_takes_nothing_that_was_synced() {
     let n_cuts = std::env::var("TESSERA_POWER_CUTS").map_or(CUTS, |n| n.parse().unwrap());
     let (mut n_torn, mut n_records) = (0, 0);
     for cut in 0..n_cuts {
-        let mut random = Random(cut as u64);
+        let mut random = SplitMix64::new(cut as u64);
         let at = begin + random.below(events.len() - begin);
         let mut disk: BTreeMap<&str, OnDisk> = BTreeMap::new();
         for (name, event) in &events[..at] {

@@ -2,6 +2,7 @@
 //! wrong, or has the frames of the valid one.
 
 use super::*;
+use tessera_numerics::SplitMix64;
 
 /// Recordings made; each from a seed of its own. `TESSERA_SEED=N` tries others.
 const N_MUTATIONS: u64 = 1000;
@@ -10,19 +11,6 @@ const START: u64 = 1_700_000_000;
 /// Where an image states the order of its bytes.
 const ORDER_AT: usize = 38;
 const STEP: u64 = 33_333_333;
-
-/// Numbers by chance (splitmix64).
-struct Chance(u64);
-
-impl Chance {
-    fn below(&mut self, n: usize) -> usize {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) % n as u64) as usize
-    }
-}
 
 /// A message: whether it is of depth, and its bytes, of which the first are its head.
 #[derive(Clone)]
@@ -74,7 +62,7 @@ fn written(messages: &[Message]) -> Vec<u8> {
 }
 
 /// What happened to the messages.
-fn fault(messages: &mut Vec<Message>, chance: &mut Chance) -> String {
+fn fault(messages: &mut Vec<Message>, chance: &mut SplitMix64) -> String {
     let at = chance.below(messages.len());
     let what = if messages[at].is_depth { "depth" } else { "colour" };
     let frame = at / 2;
@@ -121,7 +109,7 @@ fn a_recording_with_a_fault_is_refused_or_says_so_or_is_read_as_without_it() {
     let mut silent = Vec::new();
     let first = std::env::var("TESSERA_SEED").map_or(0, |seed| seed.parse().unwrap());
     for seed in first..first + N_MUTATIONS {
-        let (mut chance, mut messages) = (Chance(seed), whole.clone());
+        let (mut chance, mut messages) = (SplitMix64::new(seed), whole.clone());
         let what = fault(&mut messages, &mut chance);
         let source = match open(&written(&messages)) {
             Err(_) => {

@@ -5,3 +5,4 @@ pub(crate) mod colour_pose;
 pub(crate) mod motion_filter;
 pub(crate) mod noise_scales;
 pub(crate) mod readout;
+pub(crate) mod student;

@@ -16,6 +16,7 @@
 //! before where `q` is (Mehra, IEEE Trans. Automatic Control 1970): a smaller `q` leaves a lag behind. Both are
 //! followed in logarithms, for translation and rotation apart.
 
+use crate::estimation::student::{FREEDOM, THREE_AXES};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 use std::ops::Range;
@@ -23,10 +24,6 @@ use tessera_geometry::{Pose, Twist, Vector6, exp, log};
 
 /// Steps of the logarithms in the innovations' mean square and correlation: a memory of some 30 frames.
 const STEP: f64 = 0.03;
-/// Degrees of freedom of Student's t for the innovations, as for the noise scales (Lange, Little and Taylor 1989).
-pub(crate) const STUDENT_FREEDOM: f64 = 4.0;
-/// Consistency at the normal distribution: `3 / E[(nu + 3) q / (nu + q)]` for `q` of a chi-square of 3.
-const CONSISTENCY: f64 = 1.155;
 /// Most that one frame adds to a logarithm, in steps.
 const MOST_STEPS: f64 = 2.0;
 /// Density of the acceleration before anything is known, m^2/s^3 and rad^2/s^3: 2 m/s^2 and 10 rad/s^2 that last for
@@ -76,7 +73,7 @@ impl MotionPrior {
     pub(crate) fn coincidence_nats(&self, world_from_camera: &Pose, volume: f64) -> f64 {
         let step = log(&(self.world_from_camera.inverse() * world_from_camera)).to_vector();
         let half = |axes: Range<usize>| {
-            let (n, nu) = (axes.len() as f64, STUDENT_FREEDOM);
+            let (n, nu) = (axes.len() as f64, FREEDOM);
             let distance_sq: f64 = axes.clone().map(|k| step[k] * step[k] / self.variance[k]).sum();
             let log_scale: f64 = axes.map(|k| libm::log(PI * nu * self.variance[k])).sum();
             let log_norm = libm::lgamma(0.5 * (nu + n)) - libm::lgamma(0.5 * nu);
@@ -182,10 +179,10 @@ impl MotionState {
         for group in 0..2 {
             let axes = 3 * group..3 * group + 3;
             let squared: f64 = axes.clone().map(|k| innovation[k].powi(2)).sum();
-            let weight = (STUDENT_FREEDOM + 3.0) / (STUDENT_FREEDOM + squared);
+            let weight = THREE_AXES.weight(squared);
             axes.clone().for_each(|k| innovation[k] *= weight.sqrt().min(1.0));
             let correlation = axes.map(|k| innovation[k] * self.innovation[k]).sum::<f64>() / 3.0;
-            let excess = CONSISTENCY * weight * squared / 3.0 - 1.0;
+            let excess = THREE_AXES.consistency * weight * squared / 3.0 - 1.0;
             self.ln_scale[group] += STEP * excess.min(MOST_STEPS);
             self.ln_density[group] += STEP * correlation.clamp(-MOST_STEPS, MOST_STEPS);
         }

@@ -9,15 +9,13 @@
 //! ```
 
 use crate::estimation::colour_model::STATED_SIGMAS;
-use crate::estimation::motion_filter::STUDENT_FREEDOM;
+use crate::estimation::student::ONE_AXIS;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::{Matrix6, Vector6};
 use tessera_registration::ReadoutSums;
 
 /// Standard deviation before anything is measured, seconds: from nothing to a frame of 33 ms, evenly.
 const PRIOR_SIGMA_S: f64 = 0.019;
-/// Consistency of Student's t at the normal distribution: `1 / E[(nu + 1) q / (nu + q)]` for `q` of a chi-square of 1.
-const CONSISTENCY: f64 = 1.27;
 
 /// A frame's normal equation of the readout, about 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -65,7 +63,7 @@ impl ReadoutState {
         let [value, sigma] = self.estimate();
         let own = record.gradient / record.information;
         let squared = (own - value).powi(2) / (1.0 / record.information + sigma * sigma);
-        let weight = CONSISTENCY * (STUDENT_FREEDOM + 1.0) / (STUDENT_FREEDOM + squared);
+        let weight = ONE_AXIS.consistent_weight(squared);
         let Self(sum) = self;
         sum.information +=
             forgetting * (prior(PRIOR_SIGMA_S) - sum.information) + weight * record.information;

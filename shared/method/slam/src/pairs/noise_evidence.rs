@@ -2,15 +2,12 @@
 
 use crate::estimation::colour_model::{ColourModel, ColourPoseRecord};
 use crate::estimation::colour_pose::ParameterSums;
-use crate::estimation::motion_filter::STUDENT_FREEDOM;
 use crate::estimation::noise_scales::{NoiseRecord, NoiseScales};
+use crate::estimation::student::SIX_AXES;
 use crate::pairs::colour_coupling::coupling;
 use crate::pairs::weighted_pair::WeightedPair;
 use tessera_geometry::{Matrix6, Pose, Twist, Vector6};
 use tessera_graph::{HalfSums, PairBlock};
-
-/// Consistency at the normal distribution: `6 / E[(nu + 6) q / (nu + q)]` for `q` of a chi-square of 6.
-const CONSISTENCY: f64 = 1.0816;
 
 /// A pair's surfaces and features, each about the transform that they were found at.
 pub(crate) struct PairEvidence<'a> {
@@ -61,7 +58,7 @@ pub(crate) fn evidence<'a>(
         };
         n_pairs += 1.0;
         variance_factors += found.variance_factor;
-        let weight = weight(squared[0] + squared[1]);
+        let weight = SIX_AXES.consistent_weight(squared[0] + squared[1]);
         for (k, scale) in [scales.surfaces, scales.features].into_iter().enumerate() {
             squared_sums[k] += scale * weight * squared[k];
             redundancy_sums[k] += redundancy[k];
@@ -76,7 +73,7 @@ pub(crate) fn evidence<'a>(
     // The image's halves by all references: the surfaces by themselves.
     let halves = components(&halves[0], &halves[1]).map_or([0.0; 2], |parts| {
         let squared = parts.squared.iter().sum();
-        [scales.surfaces * weight(squared) * squared, parts.redundancy.iter().sum()]
+        [scales.surfaces * SIX_AXES.consistent_weight(squared) * squared, parts.redundancy.iter().sum()]
     });
     let divisor = f64::max(n_pairs, 1.0);
     let noise = NoiseRecord {
@@ -90,11 +87,6 @@ pub(crate) fn evidence<'a>(
     of_colour.gradient /= divisor;
     let colour = colour.filter(|_| n_pairs > 0.0).map(|model| ColourPoseRecord::new(&of_colour, model));
     (n_matches > 0).then_some(FrameEvidence { noise, colour })
-}
-
-/// Student's t: what so large a disagreement counts.
-fn weight(squared: f64) -> f64 {
-    CONSISTENCY * (STUDENT_FREEDOM + 6.0) / (STUDENT_FREEDOM + squared)
 }
 
 /// Two groups of normal equations at their joint optimum.

@@ -116,8 +116,8 @@ pub(crate) fn relocalise(
     Ok(as_far_as_certain(found, test, vec![why_lost, how]))
 }
 
-/// Evidence of a place by the motion before the frames that were lost, nats: after one image without depth the camera is
-/// where it was going, after a second it may be anywhere.
+/// Evidence of a place by the motion before it, nats: behind some images without depth the camera is where it was going,
+/// the less certainly the longer they last.
 fn motion_nats(input: &TrackingInput<'_>, prediction: &Prediction, found: &WindowAlignment) -> f64 {
     let state = input.map.state();
     let component = |submap| state.submaps.component(submap);

@@ -36,11 +36,6 @@ pub(crate) fn guess_from_features(
     prediction: &Prediction,
 ) -> Option<FeatureStart> {
     let world_from_camera = pose_from_features(input, aligner, &prediction.world_from_camera)?;
-    let velocity = prediction.previous.map_or(prediction.velocity, |(previous, seconds)| {
-        log(&(previous.inverse() * world_from_camera)).scaled(1.0 / seconds)
-    });
-    // Where a feature was at the stamp depends on the motion, as far as its row or its image is off it.
-    aligner.sight.observe_again(input.context, &input.frame.surface, &velocity);
     let newest = newest_reference(input, &prediction.world_from_camera)?;
     let some = every_nth(input.samples, COARSE_SAMPLES);
     let predicted = support(input, aligner, &some, &newest, &prediction.world_from_camera);
@@ -57,14 +52,17 @@ pub(crate) fn guess_from_features(
         return None;
     }
     let window = &input.context.mapping.window;
-    let guess = Prediction {
+    let mut guess = Prediction {
         world_from_camera,
-        velocity,
         is_known: true,
         first_distance_m: window.min_first_distance_m,
         outer_iterations: WindowSettings::REFINING_ITERATIONS,
         ..*prediction
     };
+    if let Some((previous, seconds)) = prediction.previous {
+        guess.velocity = log(&(previous.inverse() * world_from_camera)).scaled(1.0 / seconds);
+        aligner.sight.observe_again(input.context, &input.frame.surface, &guess.velocity);
+    }
     Some(if is_better { FeatureStart::Better(guess) } else { FeatureStart::Rival(guess) })
 }
 

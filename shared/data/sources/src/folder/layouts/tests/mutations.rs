@@ -2,6 +2,7 @@
 //! the frames of the valid one.
 
 use super::*;
+use tessera_numerics::SplitMix64;
 
 /// Folders made; each from a seed of its own.
 const N_MUTATIONS: u64 = 2000;
@@ -9,19 +10,6 @@ const N_FRAMES: u16 = 12;
 /// Kinds of folders: a third of them with depth as OpenEXR.
 const N_KINDS: usize = 6;
 const UNITS_PER_METRE: f32 = 2000.0;
-
-/// Numbers by chance (splitmix64).
-struct Chance(u64);
-
-impl Chance {
-    fn below(&mut self, n: usize) -> usize {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) % n as u64) as usize
-    }
-}
 
 /// `TESSERA_SEED=N` tries others.
 fn first_seed() -> u64 {
@@ -138,7 +126,7 @@ fn valid(kind: usize) -> Valid {
 }
 
 /// A fault in the text of a file. Of a camera no digit changes: another number is another camera.
-fn fault_of_text(name: &str, text: &str, chance: &mut Chance) -> String {
+fn fault_of_text(name: &str, text: &str, chance: &mut SplitMix64) -> String {
     let is_camera = CAMERA_FILES.contains(&name);
     let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
     let line = chance.below(lines.len());
@@ -211,7 +199,7 @@ fn made(kind: usize) -> Made {
 }
 
 /// Renames or removes an image; answers its name, and the new one if it has one.
-fn fault_of_image(made: &Made, chance: &mut Chance) -> (usize, String) {
+fn fault_of_image(made: &Made, chance: &mut SplitMix64) -> (usize, String) {
     let at = chance.below(made.of.images.len());
     let before = &made.of.images[at].0;
     let (inside, name) =
@@ -233,7 +221,7 @@ fn a_folder_with_a_fault_is_refused_or_says_so_or_is_read_as_without_it() {
     let mut silent = Vec::new();
     let first = first_seed();
     for seed in first..first + N_MUTATIONS {
-        let mut chance = Chance(seed);
+        let mut chance = SplitMix64::new(seed);
         let made = &kinds[chance.below(kinds.len())];
         let path = |name: &str| made.folder.path().join(name);
         let (what, (name, content), extra) = if chance.below(3) == 0 {
@@ -308,7 +296,7 @@ fn a_packed_recording_with_a_fault_is_refused_or_says_so_or_is_read_as_without_i
     };
     let expected = read().unwrap();
     for seed in first_seed()..first_seed() + 400 {
-        let mut chance = Chance(seed);
+        let mut chance = SplitMix64::new(seed);
         let mut bytes = whole.clone();
         // Half of them in the list at the end, where names are.
         let from = if seed % 2 == 0 { whole.len() - 900 } else { 0 };
