@@ -1,10 +1,9 @@
-//! Colour images to depth images by their times, as they come: the nearest, one to one, and no
+//! Colour images to depth images by their times, as they come: the nearest by the running offset, one to one, and no
 //! depth image waits for long.
 
 use std::collections::VecDeque;
+use tessera_frames::pairing::ColourOffset;
 
-/// Times of depth and colour differ by less than this.
-pub(crate) const MAX_DIFFERENCE_NANOS: i64 = 20_000_000;
 /// Longest time that a depth image waits for its colour.
 const PATIENCE_NANOS: i64 = 150_000_000;
 /// Colour images that are kept.
@@ -27,6 +26,7 @@ pub(crate) struct LivePairing {
     /// Each with the time at which it came.
     depths: VecDeque<(Stamped, i64)>,
     colours: VecDeque<Stamped>,
+    offset: ColourOffset,
 }
 
 impl LivePairing {
@@ -55,17 +55,21 @@ impl LivePairing {
         if has_colour && !is_known && !is_late {
             return None;
         }
-        let difference = |colour: &Stamped| colour.stamp_nanos.saturating_sub(stamp).saturating_abs();
-        let nearest = self.colours.iter().enumerate().min_by_key(|(_, colour)| difference(colour));
-        let nearest = nearest.filter(|(_, colour)| difference(colour) < MAX_DIFFERENCE_NANOS);
+        let distance = |colour: i64, stamp: i64| self.offset.distance_nanos(colour.saturating_sub(stamp));
+        let near = self.colours.iter().enumerate().filter_map(|(at, colour)| {
+            Some((distance(colour.stamp_nanos, stamp)?, at, colour.stamp_nanos))
+        });
+        let nearest = near.min();
         // A later depth image that waits already may be nearer.
-        let is_taken = |colour: &Stamped| {
-            self.depths.get(1).is_none_or(|(next, _)| {
-                next.stamp_nanos.saturating_sub(colour.stamp_nanos).saturating_abs() >= difference(colour)
-            })
+        let is_taken = |(least, _, colour): &(i64, usize, i64)| {
+            let next = self.depths.get(1).and_then(|(next, _)| distance(*colour, next.stamp_nanos));
+            next.is_none_or(|of_next| of_next >= *least)
         };
-        let taken = nearest.filter(|(_, colour)| is_taken(colour)).map(|(at, _)| at);
+        let taken = nearest.filter(is_taken).map(|(_, at, _)| at);
         let colour = taken.and_then(|at| self.colours.remove(at));
+        if let Some(colour) = &colour {
+            self.offset.add(colour.stamp_nanos.saturating_sub(stamp));
+        }
         self.depths.pop_front().map(|(depth, _)| (depth, colour))
     }
 }
@@ -87,7 +91,7 @@ mod tests {
     fn a_depth_image_waits_until_its_colour_is_known() {
         let (mut pairing, now) = (LivePairing::default(), 5_000_000_000);
         pairing.add_depth(stamped(100), now);
-        pairing.add_colour(stamped(95));
+        pairing.add_colour(stamped(70));
         assert_eq!(pairing.next(true, now), None);
         pairing.add_colour(stamped(103));
         assert_eq!(millis(pairing.next(true, now)), Some((100, Some(103))));

@@ -27,6 +27,7 @@ pub(super) fn new_plan(
         run_dir: run_dir(arguments, name),
         settings: settings.clone(),
         camera,
+        stamp_sigma_s: 0.0,
         n_frames,
         fps: arguments.topics.fps,
         doubts: Vec::new(),

@@ -58,6 +58,7 @@ pub(crate) fn resume_in(run_dir: &Path, speech: Speech, how: Resumption<'_>) -> 
         run_dir: run_dir.to_owned(),
         settings,
         camera: run.camera,
+        stamp_sigma_s: run.stamp_sigma_s,
         n_frames: run.n_frames,
         fps: run.fps,
         doubts: run.doubts,

@@ -189,6 +189,7 @@ fn start(
     name: &str,
 ) -> Result<Exit, CommandError> {
     let mut plan = new_plan(arguments, settings, name, source.camera().clone(), source.n_frames())?;
+    plan.stamp_sigma_s = source.pairing().stamp_sigma_s();
     plan.doubts = doubts.to_vec();
     plan.warnings = warnings.to_vec();
     let exit = with_company(&plan, arguments, |when_seen| {

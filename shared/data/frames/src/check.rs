@@ -2,7 +2,7 @@
 
 use crate::depth_units::{DepthSummary, POSSIBLE_M, doubt_units, summarise_depth};
 use crate::odd_camera::{fields_of_view_deg, odd_camera};
-use crate::{Pairing, Source, SourceError};
+use crate::{Source, SourceError};
 use serde::Serialize;
 use tessera_geometry::Camera;
 
@@ -47,6 +47,8 @@ pub struct CheckReport {
     pub n_pairs: usize,
     /// Largest difference of paired times, seconds.
     pub largest_pair_difference_s: f64,
+    /// From the stamps of depth images to the times at which they were taken, seconds: 0 or negative.
+    pub taken_after_s: f64,
     /// First to last frame, seconds.
     pub duration_s: f64,
     /// Intervals between frames.
@@ -69,7 +71,7 @@ pub fn check(source: &dyn Source, n_samples: u64) -> Result<CheckReport, SourceE
     let n_frames = source.n_frames();
     let stamps: Vec<i64> = (0..n_frames.unwrap_or(0)).map_while(|index| source.stamp_nanos(index)).collect();
     let duration_nanos = stamps.last().unwrap_or(&0).saturating_sub(*stamps.first().unwrap_or(&0));
-    let Pairing { n_depth, n_colour, n_pairs, largest_difference_nanos } = source.pairing();
+    let pairing = source.pairing();
     let inside_truth = |stamp: &&i64| {
         source.ground_truth().is_some_and(|truth| match truth.stamps_nanos.as_slice() {
             [first, .., last] => (first..=last).contains(stamp),
@@ -85,10 +87,11 @@ pub fn check(source: &dyn Source, n_samples: u64) -> Result<CheckReport, SourceE
         vertical_fov_deg: fields_of_view_deg(&camera)[1],
         camera,
         depth: summarise_depth(source, n_samples)?,
-        n_depth,
-        n_colour,
-        n_pairs,
-        largest_pair_difference_s: largest_difference_nanos as f64 * 1e-9,
+        n_depth: pairing.n_depth,
+        n_colour: pairing.n_colour,
+        n_pairs: pairing.n_pairs,
+        largest_pair_difference_s: pairing.largest_difference_nanos as f64 * 1e-9,
+        taken_after_s: pairing.taken_after_nanos as f64 * 1e-9,
         duration_s: duration_nanos as f64 * 1e-9,
         gaps: gaps(&stamps),
         ground_truth_poses: source.ground_truth().map_or(0, tessera_evaluation::Trajectory::len),
@@ -194,6 +197,7 @@ fn warnings(report: &CheckReport) -> Vec<String> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use crate::Pairing;
     use crate::{FrameBuffers, FrameInfo, refuse_impossible_depth};
     use tessera_evaluation::Trajectory;
 

@@ -61,8 +61,12 @@ fn colour(camera: &Camera) -> String {
 }
 
 fn pairs(report: &CheckReport) -> String {
+    let late = match -1e3 * report.taken_after_s {
+        late_ms if late_ms > 0.0 => format!("; depth is taken {late_ms:.1} ms before its stamps"),
+        _ => String::new(),
+    };
     format!(
-        "{} of {} depth and {} colour images, at most {:.1} ms apart",
+        "{} of {} depth and {} colour images, at most {:.1} ms apart{late}",
         report.n_pairs,
         report.n_depth,
         report.n_colour,

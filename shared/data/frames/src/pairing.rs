@@ -2,52 +2,119 @@
 
 use crate::Pairing;
 
-/// Depth and colour belong together when their times differ by less than this.
-const MAX_DIFFERENCE_NANOS: i64 = 20_000_000;
+/// From a depth image's stamp to that of the colour image taken with it, before a pair is known, nanoseconds: depth
+/// is stamped once it is computed. A Kinect v1 under OpenNI does so 20 ms late (fr1_rpy_400, and again fr1_desk_200),
+/// cameras with stamps of their own at once.
+const USUAL_OFFSET_NANOS: i64 = -7_500_000;
+/// Images belong together when their offset differs from the usual one by less than this.
+const MAX_DIFFERENCE_NANOS: i64 = 27_500_000;
+/// The offset is followed this far from the usual one: a quarter of a frame at 30 Hz. Beyond three quarters the colour
+/// image of the next frame is the nearer one.
+const MOST_FOLLOWED_NANOS: i64 = 8_333_333;
+/// Pairs of which the running offset is the mean.
+const MEMORY: i64 = 16;
 
-/// For each depth image the index of its colour image: greedy, the nearest times first, one to
-/// one, differences below the limit, as `associate.py` of the TUM tools does it. Times rise.
-pub fn pair(depth_nanos: &[i64], colour_nanos: &[i64]) -> Vec<Option<usize>> {
-    let mut candidates = Vec::new();
-    let mut first = 0;
-    for (at_depth, &stamp) in depth_nanos.iter().enumerate() {
-        let earliest = stamp.saturating_sub(MAX_DIFFERENCE_NANOS);
-        while colour_nanos.get(first).is_some_and(|other| *other <= earliest) {
-            first = usize::saturating_add(first, 1);
-        }
-        for (at_colour, &other) in colour_nanos.iter().enumerate().skip(first) {
-            let difference = other.saturating_sub(stamp);
-            if difference >= MAX_DIFFERENCE_NANOS {
-                break;
-            }
-            candidates.push((difference.saturating_abs(), at_depth, at_colour));
-        }
-    }
-    candidates.sort_unstable();
-    let mut partners = vec![None; depth_nanos.len()];
-    let mut taken = vec![false; colour_nanos.len()];
-    for (_, at_depth, at_colour) in candidates {
-        let (Some(partner), Some(is_taken)) = (partners.get_mut(at_depth), taken.get_mut(at_colour)) else {
-            continue;
-        };
-        if partner.is_none() && !*is_taken {
-            *partner = Some(at_colour);
-            *is_taken = true;
-        }
-    }
-    partners
+/// Running offset from the stamps of depth images to those of their colour images. Two streams of the same rate have
+/// one phase: where it is about half a frame, the nearest colour image is now the one before and now the one after, a
+/// whole frame later, and the offset tells which goes on with the others.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ColourOffset {
+    mean_nanos: i64,
+    n_pairs: i64,
 }
 
-/// What came of pairing.
-pub fn summarise(depth_nanos: &[i64], colour_nanos: &[i64], partners: &[Option<usize>]) -> Pairing {
-    let differences = depth_nanos.iter().zip(partners).filter_map(|(stamp, partner)| {
-        Some(colour_nanos.get((*partner)?)?.saturating_sub(*stamp).saturating_abs())
-    });
-    Pairing {
-        n_depth: depth_nanos.len(),
-        n_colour: colour_nanos.len(),
-        n_pairs: partners.iter().flatten().count(),
-        largest_difference_nanos: differences.max().unwrap_or(0),
+impl ColourOffset {
+    /// How far `difference_nanos`, a colour image's stamp less a depth image's, is from what is expected, nanoseconds;
+    /// `None` where the two do not belong together.
+    pub fn distance_nanos(&self, difference_nanos: i64) -> Option<i64> {
+        let from_usual = difference_nanos.saturating_sub(USUAL_OFFSET_NANOS);
+        let expected = if self.n_pairs == 0 { 0 } else { self.mean_nanos.saturating_sub(USUAL_OFFSET_NANOS) };
+        let expected = expected.clamp(MOST_FOLLOWED_NANOS.saturating_neg(), MOST_FOLLOWED_NANOS);
+        let is_near = from_usual.saturating_abs() < MAX_DIFFERENCE_NANOS;
+        is_near.then(|| from_usual.saturating_sub(expected).saturating_abs())
+    }
+
+    /// Takes in a pair; one of the other side begins anew.
+    pub fn add(&mut self, difference_nanos: i64) {
+        let is_of_other_side =
+            difference_nanos.saturating_sub(self.mean_nanos).saturating_abs() > 2 * MOST_FOLLOWED_NANOS;
+        let n_pairs = if is_of_other_side { 0 } else { self.n_pairs };
+        self.n_pairs = n_pairs.saturating_add(1).min(MEMORY);
+        let step = difference_nanos.saturating_sub(self.mean_nanos).checked_div(self.n_pairs).unwrap_or(0);
+        self.mean_nanos = self.mean_nanos.saturating_add(step);
+    }
+
+    /// When a depth image was taken, nanoseconds: no image is stamped before, and that of colour is stamped sooner.
+    pub fn taken_nanos(&self, depth_nanos: i64) -> i64 {
+        depth_nanos.saturating_add(self.mean_nanos.min(0))
+    }
+}
+
+/// Depth images with the colour images taken with them.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Pairs {
+    /// Index of the colour image, for each depth image.
+    pub partners: Vec<Option<usize>>,
+    /// When each depth image was taken, nanoseconds; times rise.
+    pub taken_nanos: Vec<i64>,
+}
+
+/// Pairs one to one in the order of time; each is the other's nearest by the running offset. Times rise.
+pub fn pair(depth_nanos: &[i64], colour_nanos: &[i64]) -> Pairs {
+    let (mut offset, mut pairs) = (ColourOffset::default(), Pairs::default());
+    // First colour image that is not taken or passed over.
+    let mut first = 0;
+    for (at, &stamp) in depth_nanos.iter().enumerate() {
+        let distance = |from: i64, to: i64| offset.distance_nanos(to.saturating_sub(from));
+        let mut nearest: Option<(i64, usize)> = None;
+        for (place, &colour) in colour_nanos.iter().enumerate().skip(first) {
+            match distance(stamp, colour) {
+                Some(found) if nearest.is_none_or(|(least, _)| found < least) => {
+                    nearest = Some((found, place))
+                }
+                None if colour < stamp => first = place.saturating_add(1),
+                _ => break,
+            }
+        }
+        let next = depth_nanos.get(at.saturating_add(1));
+        let is_of_next = |colour: i64, found: i64| {
+            next.and_then(|next| distance(*next, colour)).is_some_and(|of_next| of_next < found)
+        };
+        let partner = nearest.and_then(|(found, place)| Some((found, place, *colour_nanos.get(place)?)));
+        let partner = partner.filter(|(found, _, colour)| !is_of_next(*colour, *found));
+        if let Some((_, place, colour)) = partner {
+            offset.add(colour.saturating_sub(stamp));
+            first = place.saturating_add(1);
+        }
+        pairs.partners.push(partner.map(|(_, place, _)| place));
+        let after = pairs.taken_nanos.last().map_or(i64::MIN, |last| last.saturating_add(1));
+        pairs.taken_nanos.push(offset.taken_nanos(stamp).max(after));
+    }
+    pairs
+}
+
+impl Pairs {
+    /// Keeps the first depth images.
+    pub fn truncate(&mut self, n_depth: usize) {
+        self.partners.truncate(n_depth);
+        self.taken_nanos.truncate(n_depth);
+    }
+
+    /// What came of pairing.
+    pub fn summarise(&self, depth_nanos: &[i64], colour_nanos: &[i64]) -> Pairing {
+        let differences = depth_nanos.iter().zip(&self.partners).filter_map(|(stamp, partner)| {
+            Some(colour_nanos.get((*partner)?)?.saturating_sub(*stamp).saturating_abs())
+        });
+        let taken = depth_nanos.iter().zip(&self.taken_nanos);
+        let mut after: Vec<i64> = taken.map(|(stamp, taken)| taken.saturating_sub(*stamp)).collect();
+        after.sort_unstable();
+        Pairing {
+            n_depth: depth_nanos.len(),
+            n_colour: colour_nanos.len(),
+            n_pairs: self.partners.iter().flatten().count(),
+            largest_difference_nanos: differences.max().unwrap_or(0),
+            taken_after_nanos: after.get(after.len() / 2).map_or(0, |after| (*after).min(0)),
+        }
     }
 }
 
@@ -71,7 +138,7 @@ pub fn uncoloured(
     } else {
         format!("{n_without} of {n} frames have no colour")
     };
-    let limit_s = MAX_DIFFERENCE_NANOS as f64 * 1e-9;
+    let limit_s = MAX_DIFFERENCE_NANOS.saturating_add(USUAL_OFFSET_NANOS) as f64 * 1e-9;
     let why = match (reason, offset_nanos(depth_nanos, colour_nanos)) {
         (Some(reason), _) => reason.to_owned(),
         (None, Some(offset)) => format!(
@@ -99,7 +166,7 @@ fn offset_nanos(depth_nanos: &[i64], colour_nanos: &[i64]) -> Option<i64> {
         differences.min_by_key(|difference| difference.saturating_abs())
     };
     let mut offsets: Vec<i64> = depth_nanos.iter().filter_map(nearest).collect();
-    offsets.retain(|offset| offset.saturating_abs() >= MAX_DIFFERENCE_NANOS);
+    offsets.retain(|offset| ColourOffset::default().distance_nanos(*offset).is_none());
     offsets.sort_unstable();
     offsets.get(offsets.len() / 2).copied()
 }
@@ -108,11 +175,70 @@ fn offset_nanos(depth_nanos: &[i64], colour_nanos: &[i64]) -> Option<i64> {
 mod tests {
     use super::*;
 
+    const MILLI: i64 = 1_000_000;
+
+    /// Depth images at 30 Hz, stamped up to 2.5 ms later than evenly, and colour images whose stamps are a phase later.
+    fn streams(n: i64, phase_millis: impl Fn(i64) -> i64) -> (Vec<i64>, Vec<i64>) {
+        let even = |k: i64| k * 1_000_000_000 / 30;
+        let depth = (2..n).map(|k| even(k) + k * 7 % 6 * MILLI / 2).collect();
+        (depth, (0..n).map(|k| even(k) + phase_millis(k) * MILLI).collect())
+    }
+
+    fn steps(pairs: &Pairs) -> Vec<usize> {
+        let partners: Vec<usize> = pairs.partners.iter().flatten().copied().collect();
+        partners.windows(2).map(|pair| pair[1] - pair[0]).collect()
+    }
+
     #[test]
-    fn pairs_are_nearest_first_one_to_one_below_the_limit() {
+    fn colour_half_a_frame_away_is_always_that_of_the_same_side() {
+        for phase in 14..20 {
+            let (depth, colour) = streams(300, |_| phase);
+            let pairs = pair(&depth, &colour);
+            assert!(pairs.partners.iter().all(Option::is_some));
+            assert!(steps(&pairs).iter().all(|step| *step == 1), "phase of {phase} ms");
+            let after = pairs.summarise(&depth, &colour).taken_after_nanos / MILLI;
+            assert!((phase - 36..=phase - 33).contains(&after), "{phase} ms: {after}");
+        }
+    }
+
+    #[test]
+    fn streams_whose_phase_changes_slowly_change_sides_once_a_frame() {
+        let (depth, colour) = streams(1200, |k| k / 10);
+        let pairs = pair(&depth, &colour);
+        // Colour images drift away by 120 ms: three to four frames have none.
+        assert!(steps(&pairs).iter().all(|step| *step == 1));
+        let n_without = pairs.partners.iter().filter(|partner| partner.is_none()).count();
+        assert!((3..=4).contains(&n_without), "{n_without}");
+        assert!(pairs.taken_nanos.is_sorted_by(|a, b| a < b));
+    }
+
+    #[test]
+    fn stamps_of_one_time_stay_and_depth_is_never_taken_after_its_stamp() {
+        for later in [0, 4 * MILLI] {
+            let (depth, _) = streams(100, |_| 0);
+            let colour: Vec<i64> = depth.iter().map(|stamp| stamp + later).collect();
+            let pairs = pair(&depth, &colour);
+            assert_eq!(pairs.taken_nanos, depth);
+            assert_eq!(pairs.summarise(&depth, &colour).stamp_sigma_s(), 0.0);
+        }
+    }
+
+    #[test]
+    fn a_frame_without_colour_is_moved_as_its_neighbours() {
+        let (depth, mut colour) = streams(100, |_| -12);
+        let whole = pair(&depth, &colour);
+        colour.remove(50);
+        let pairs = pair(&depth, &colour);
+        let missing = pairs.partners.iter().position(Option::is_none).unwrap();
+        assert!((pairs.taken_nanos[missing] - whole.taken_nanos[missing]).abs() < MILLI);
+        assert!(depth[missing] - pairs.taken_nanos[missing] > 10 * MILLI);
+    }
+
+    #[test]
+    fn pairs_are_nearest_one_to_one_below_the_limit() {
         let nanos = |millis: &[i64]| -> Vec<i64> { millis.iter().map(|&t| t * 1_000_000).collect() };
         let check = |depth: &[i64], colour: &[i64], expected: &[Option<usize>]| {
-            assert_eq!(pair(&nanos(depth), &nanos(colour)), expected);
+            assert_eq!(pair(&nanos(depth), &nanos(colour)).partners, expected);
         };
         check(&[0, 33, 66], &[1, 30, 67], &[Some(0), Some(1), Some(2)]);
         check(&[0, 10], &[9], &[None, Some(0)]);
@@ -125,7 +251,8 @@ mod tests {
     fn frames_without_colour_are_stated_with_the_reason() {
         const SECOND: i64 = 1_000_000_000;
         let depth: Vec<i64> = (0..10).map(|k| k * SECOND / 30).collect();
-        let sentence = |colour: &[i64], reason| uncoloured(&depth, colour, &pair(&depth, colour), reason);
+        let sentence =
+            |colour: &[i64], reason| uncoloured(&depth, colour, &pair(&depth, colour).partners, reason);
         assert_eq!(sentence(&depth, None), None);
         let late: Vec<i64> = depth.iter().map(|stamp| stamp + 5 * SECOND).collect();
         let words = sentence(&late, None).unwrap();

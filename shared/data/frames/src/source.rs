@@ -69,6 +69,18 @@ pub struct Pairing {
     pub n_pairs: usize,
     /// Largest difference of paired times, nanoseconds.
     pub largest_difference_nanos: i64,
+    /// From the stamps of depth images to the times at which they were taken, nanoseconds: median, 0 or negative.
+    pub taken_after_nanos: i64,
+}
+
+impl Pairing {
+    /// Standard deviation of a frame's time, seconds.
+    ///
+    /// Both images are stamped some time after they were taken. Of two such delays from one exponential distribution
+    /// the smaller has half of their difference as its mean and its deviation: exponentials have no memory.
+    pub fn stamp_sigma_s(self) -> f64 {
+        -0.5e-9 * self.taken_after_nanos as f64
+    }
 }
 
 /// Frames by index. `read` takes `&self` so that several threads can decode ahead.

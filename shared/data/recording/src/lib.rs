@@ -45,7 +45,7 @@ pub use imu::ImuMessage;
 pub use live::{Change, ImageType, LiveCamera, LiveImage, LiveTopic};
 use std::path::{Path, PathBuf};
 use tessera_frames::imu::ImuRecording;
-use tessera_frames::pairing::{pair, summarise, uncoloured};
+use tessera_frames::pairing::{pair, uncoloured};
 use tessera_frames::timeline::{ImageOrder, RecordedImage, timelines};
 use tessera_frames::{CameraFile, SourceError};
 use tessera_frames::{FrameBuffers, FrameInfo, Pairing, RayLengths, Source, TakenColour};
@@ -141,18 +141,19 @@ impl RecordingSource {
         let (mut depth, colour) = (found.depth, if is_used { found.colour } else { Vec::new() });
         let times = |spots: &[Spot]| spots.iter().map(|spot| spot.stamp_nanos).collect::<Vec<i64>>();
         let (depth_times, colour_times) = (times(&depth), times(&colour));
-        let mut partners = pair(&depth_times, &colour_times);
+        let mut pairs = pair(&depth_times, &colour_times);
         let kept = frames.map_or(depth.len(), |n| usize::try_from(n).unwrap_or(usize::MAX).min(depth.len()));
         depth.truncate(kept);
-        partners.truncate(kept);
+        pairs.truncate(kept);
         let depth_times = depth_times.get(..kept).unwrap_or_default();
         if !is_stated && !options.is_without_colour && options.first.is_none() {
             let reason = topics.colour.is_none().then_some("the recording has no colour topic");
-            warnings.extend(uncoloured(depth_times, &colour_times, &partners, reason));
+            warnings.extend(uncoloured(depth_times, &colour_times, &pairs.partners, reason));
         }
         let rays = is_distance.then(|| RayLengths::new(&cameras.depth));
-        let rotations = imu.rotations(depth_times);
-        let pairing = summarise(depth_times, &colour_times, &partners);
+        let pairing = pairs.summarise(depth_times, &colour_times);
+        depth.iter_mut().zip(pairs.taken_nanos).for_each(|(spot, taken)| spot.stamp_nanos = taken);
+        let rotations = imu.rotations(&times(&depth));
         Ok(Self {
             path: path.to_owned(),
             chunks,
@@ -160,7 +161,7 @@ impl RecordingSource {
             cameras,
             depth,
             colour,
-            partners,
+            partners: pairs.partners,
             pairing,
             warnings,
             rays,

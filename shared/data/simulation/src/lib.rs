@@ -240,7 +240,7 @@ impl Source for SimulatedSource {
 
     fn pairing(&self) -> Pairing {
         let n = self.n_frames as usize;
-        Pairing { n_depth: n, n_colour: n, n_pairs: n, largest_difference_nanos: 0 }
+        Pairing { n_depth: n, n_colour: n, n_pairs: n, ..Pairing::default() }
     }
 
     fn description(&self) -> Vec<(&'static str, String)> {

@@ -70,13 +70,15 @@ impl JoinedSource {
         }
         let frames = (0..).zip(&stamps).skip(n_left_out);
         self.frames.extend(frames.map(|(index, stamp)| (at, index, stamp.saturating_add(shift))));
-        let Pairing { n_depth, n_colour, n_pairs, largest_difference_nanos } = part.pairing();
+        let Pairing { n_depth, n_colour, n_pairs, largest_difference_nanos, taken_after_nanos } =
+            part.pairing();
         let sum = |so_far: &mut usize, more: usize| *so_far = so_far.saturating_add(more);
         sum(&mut self.pairing.n_depth, n_depth);
         sum(&mut self.pairing.n_colour, n_colour);
         sum(&mut self.pairing.n_pairs, n_pairs);
         self.pairing.largest_difference_nanos =
             self.pairing.largest_difference_nanos.max(largest_difference_nanos);
+        self.pairing.taken_after_nanos = self.pairing.taken_after_nanos.min(taken_after_nanos);
         self.warnings.extend(part.warnings().iter().cloned());
         self.parts.push(part);
     }

@@ -138,6 +138,7 @@ impl StageContext {
             &settings.mapping,
         )
         .in_map_of(&self.run.map_cameras);
+        context.stamp_sigma_s = self.run.stamp_sigma_s;
         context.steps = self.stopwatch.steps();
         context
     }

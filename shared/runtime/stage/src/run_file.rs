@@ -25,6 +25,9 @@ pub struct RunFile {
     pub identity: RunIdentity,
     /// The camera of its frames.
     pub camera: Camera,
+    /// Standard deviation of a frame's time, seconds; 0 where exposures are stamped.
+    #[serde(default)]
+    pub stamp_sigma_s: f64,
     /// Frames that the source will give; `None`: no end in sight.
     pub n_frames: Option<u64>,
     /// Frames a second that `--fps` gave to images without times.

@@ -27,6 +27,8 @@ pub struct Plan {
     pub settings: Settings,
     /// Camera of the source.
     pub camera: Camera,
+    /// Standard deviation of a frame's time, seconds; 0 where exposures are stamped.
+    pub stamp_sigma_s: f64,
     /// Frames of the source.
     pub n_frames: Option<u64>,
     /// Frames a second of images without times, where `--fps` was given.
@@ -74,6 +76,7 @@ impl Plan {
             version: env!("CARGO_PKG_VERSION").into(),
             identity: claim.entry.identity.clone(),
             camera: self.camera.clone(),
+            stamp_sigma_s: self.stamp_sigma_s,
             n_frames: self.n_frames,
             fps: self.fps,
             doubts: self.doubts.clone(),

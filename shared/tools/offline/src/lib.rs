@@ -152,9 +152,20 @@ impl Run {
     /// # Errors
     /// A setting out of range.
     pub fn new(camera: &Camera, method: &Method) -> Result<Self, SettingError> {
+        Self::stamped(camera, method, 0.0)
+    }
+
+    /// As [`Self::new`], of frames whose times have this standard deviation, seconds ([`Pairing::stamp_sigma_s`]).
+    ///
+    /// # Errors
+    /// A setting out of range.
+    ///
+    /// [`Pairing::stamp_sigma_s`]: tessera_sources::Pairing::stamp_sigma_s
+    pub fn stamped(camera: &Camera, method: &Method, stamp_sigma_s: f64) -> Result<Self, SettingError> {
         method.registration.check()?;
         method.mapping.check()?;
-        let context = Context::new(camera, &method.surface, &method.registration, &method.mapping);
+        let mut context = Context::new(camera, &method.surface, &method.registration, &method.mapping);
+        context.stamp_sigma_s = stamp_sigma_s;
         Ok(Self {
             reconstructor: Reconstructor::new(camera, &method.surface)?,
             tracker: Tracker::new(context.clone()),

@@ -22,7 +22,7 @@ pub(crate) use names::nanos_of;
 use std::path::{Path, PathBuf};
 use tessera_evaluation::Trajectory;
 use tessera_frames::imu::{self, ImuRecording};
-use tessera_frames::pairing::{pair, summarise, uncoloured};
+use tessera_frames::pairing::{pair, uncoloured};
 use tessera_frames::timeline::long_pause;
 use tessera_frames::{FrameBuffers, FrameInfo, Pairing, RayLengths, Source, TakenColour, Undistortion};
 use tessera_geometry::{Camera, InertialRotation};
@@ -124,18 +124,18 @@ impl FolderSource {
         let colour = if colour_images.is_used { colour } else { Vec::new() };
         let (stamps, colour_stamps) = (stamps_of(&depth), stamps_of(&colour));
         warnings.extend(long_pause(&stamps));
-        let mut partners = pair(&stamps, &colour_stamps);
+        let mut pairs = pair(&stamps, &colour_stamps);
         let kept = frames.map_or(depth.len(), |n| usize::try_from(n).unwrap_or(usize::MAX).min(depth.len()));
         depth.truncate(kept);
-        partners.truncate(kept);
+        pairs.truncate(kept);
         let stamps = stamps.get(..kept).unwrap_or_default();
-        let pairing = summarise(stamps, &colour_stamps, &partners);
+        let pairing = pairs.summarise(stamps, &colour_stamps);
         if !asked.is_without_colour && colour_images.warning.is_none() {
             let reason = match n_listed {
                 0 => found.no_colour,
                 _ => colour.is_empty().then(|| "no colour image is there".to_owned()),
             };
-            warnings.extend(uncoloured(stamps, &colour_stamps, &partners, reason.as_deref()));
+            warnings.extend(uncoloured(stamps, &colour_stamps, &pairs.partners, reason.as_deref()));
         }
         let confidence = pairs::confidence(&files, found.confidence, depth.len(), &mut warnings);
         if let Some(lens) = &found.lens {
@@ -144,8 +144,9 @@ impl FolderSource {
         let lens = found.lens.map(|lens| Undistortion::new(&lens, &camera));
         let rays = is_distance.then(|| RayLengths::new(&camera));
         let imu = imu::load(files.root())?.unwrap_or_default();
-        let rotations = imu.rotations(stamps);
-        let colour = partners.iter().map(|partner| colour.get((*partner)?).cloned()).collect();
+        depth.iter_mut().zip(&pairs.taken_nanos).for_each(|(entry, taken)| entry.stamp_nanos = *taken);
+        let rotations = imu.rotations(&stamps_of(&depth));
+        let colour = pairs.partners.iter().map(|partner| colour.get((*partner)?).cloned()).collect();
         let along_rays = is_distance.then(|| "distances along the ray, as the camera file says".to_owned());
         let mut description = vec![("layout", layout.to_owned()), ("camera", camera_from)];
         description.push(("colour", colour_images.words.clone()));

@@ -11,7 +11,6 @@ use std::io::Read;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use tessera_evaluation::Trajectory;
-use tessera_frames::pairing::summarise;
 use tessera_frames::{
     CameraFile, ColourCamera, ColourWarp, FrameBuffers, FrameInfo, Pairing, RayLengths, Source, TakenColour,
     Undistortion, decode, large,
@@ -280,10 +279,9 @@ impl Source for SensSource {
     }
 
     fn pairing(&self) -> Pairing {
-        let stamps: &[i64] = if self.warp.is_some() { &self.stamps } else { &[] };
-        let partners: Vec<Option<usize>> =
-            (0..self.stamps.len()).map(|at| (at < stamps.len()).then_some(at)).collect();
-        summarise(&self.stamps, stamps, &partners)
+        let n = self.stamps.len();
+        let n_colour = if self.warp.is_some() { n } else { 0 };
+        Pairing { n_depth: n, n_colour, n_pairs: n_colour, ..Pairing::default() }
     }
 
     fn warnings(&self) -> &[String] {

@@ -24,6 +24,8 @@ pub struct Context {
     pub mapping: MappingSettings,
     /// Noise of the depth.
     pub noise: DepthNoise,
+    /// Standard deviation of a frame's time, seconds; 0 where exposures are stamped.
+    pub stamp_sigma_s: f64,
     /// Where the measurement of a cell lies relative to the cell's first pixel.
     pub offset_px: f64,
     /// How colour lies against depth, as far as it is certain.
@@ -69,6 +71,7 @@ impl Context {
             mapping: mapping.clone(),
             steps: Steps::default(),
             noise: DepthNoise::default(),
+            stamp_sigma_s: 0.0,
             offset_px,
             colour: ColourModel::default(),
             own_colour: ColourModel::default(),

@@ -179,7 +179,7 @@ pub(crate) fn coincides(
             .unwrap_or(UncertainPose { pose: Pose::from(&k.world_from_camera), covariance: Matrix6::zeros() })
     };
     let [own_then, seen_then, nearest] = [own_then, seen_then, nearest].map(uncertain);
-    let alignment = alignment + covariance::systematic(&input.map.state().colour, &input.context.camera, a);
+    let alignment = alignment + covariance::systematic(&input.map.state().colour, input.context, a);
     let found_pose = UncertainPose { pose: a.world_from_camera, covariance: alignment };
     let drift = UncertainPose::along_track(&own_then, own).covariance
         + UncertainPose::along_track(&seen_then, &nearest).carried_to(&(nearest.pose.inverse() * expected));

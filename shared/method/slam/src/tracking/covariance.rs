@@ -6,6 +6,7 @@
 
 use crate::estimation::colour_model::ColourState;
 use crate::map::cause::MotionKind;
+use crate::map::context::Context;
 use crate::map::map_view::MapView;
 use crate::map::state::MOST_COASTED_S;
 use crate::tracking::acceptance::AGREEING;
@@ -14,7 +15,7 @@ use crate::tracking::degeneracy::{DegenerateDirection, centroid};
 use crate::tracking::input::FrameSurface;
 use crate::tracking::window::Member;
 use crate::tracking::window_alignment::WindowAlignment;
-use tessera_geometry::{Camera, Matrix6, Pose, Vector6, adjoint, from_upper_triangle};
+use tessera_geometry::{Matrix6, Pose, Vector6, adjoint, from_upper_triangle};
 
 /// Covariance of the frame's pose in the world, in the tangent of its camera, translation first.
 ///
@@ -23,7 +24,7 @@ pub(crate) fn of_world(
     map: &MapView<'_>,
     aligned: &WindowAlignment,
     own: &Matrix6,
-    camera: &Camera,
+    context: &Context,
     frame: &FrameSurface<'_>,
 ) -> Matrix6 {
     let a = &aligned.alignment;
@@ -56,7 +57,7 @@ pub(crate) fn of_world(
             Some(carried)
         });
     let best = inherited.min_by(|x, y| x.trace().total_cmp(&y.trace()));
-    let sum = best.unwrap_or_else(Matrix6::zeros) + own + systematic(&map.state().colour, camera, a);
+    let sum = best.unwrap_or_else(Matrix6::zeros) + own + systematic(&map.state().colour, context, a);
     (sum + sum.transpose()) * 0.5
 }
 
@@ -69,20 +70,22 @@ const OF_MEDIAN: f64 = 1.5;
 ///
 /// Both show where colour disagrees with depth. The residual of features against the surfaces beyond
 /// that of matching is an angle `d`: it turns the camera by `d` and moves it by `d` times the
-/// distance of what it sees. A lag between the images is an error of a stamp: it moves the camera by
-/// its velocity times the lag. Of colour that is not trusted the residual is what it was before anything
-/// was measured. Without colour nothing is known of either, and nothing is added.
-pub(crate) fn systematic(colour: &ColourState, camera: &Camera, a: &Alignment) -> Matrix6 {
+/// distance of what it sees. A lag between the images is an error of a stamp, beside that of the stamps of depth: it
+/// moves the camera by its velocity times the lag. Of colour that is not trusted the residual is what it was before
+/// anything was measured. Without colour nothing is known of calibration and lag, and nothing is added for them.
+pub(crate) fn systematic(colour: &ColourState, context: &Context, a: &Alignment) -> Matrix6 {
+    let late = |seconds: f64| a.velocity.to_vector() * seconds;
+    let of_stamp = late(context.stamp_sigma_s) * late(context.stamp_sigma_s).transpose();
     if colour.n_frames == 0 {
-        return Matrix6::zeros();
+        return of_stamp;
     }
     let residual_px =
         if colour.is_trusted() { colour.residual_px } else { ColourState::default().residual_px };
-    let angle_rad = OF_MEDIAN * (residual_px - MATCHING_PX).max(0.0) / camera.focal_px();
+    let angle_rad = OF_MEDIAN * (residual_px - MATCHING_PX).max(0.0) / context.camera.focal_px();
     let distance_m = centroid(a.blocks.iter().map(|(_, sums)| sums)).norm();
     let (t, r) = ((angle_rad * distance_m).powi(2), angle_rad * angle_rad);
-    let late = a.velocity.to_vector() * colour.model.lag_s;
-    Matrix6::from_diagonal(&Vector6::new(t, t, t, r, r, r)) + late * late.transpose()
+    let of_lag = late(colour.model.lag_s) * late(colour.model.lag_s).transpose();
+    Matrix6::from_diagonal(&Vector6::new(t, t, t, r, r, r)) + of_lag + of_stamp
 }
 
 /// Standard deviation of a degenerate direction's motion in one frame of so many seconds: the velocity's, or that of a

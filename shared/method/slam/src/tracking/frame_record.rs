@@ -27,7 +27,7 @@ pub(crate) fn frame_record(
     let a = &aligned.alignment;
     let own = metric_covariance(&a.information, aligner.metric_factor(input.context));
     let covariance = own.map_or(Vec::new(), |own| {
-        let own = covariance::of_world(&input.map, aligned, &own, &input.context.camera, input.frame);
+        let own = covariance::of_world(&input.map, aligned, &own, input.context, input.frame);
         // As it is written down.
         upper_triangle(&own).into_iter().map(|v| f64::from(v as f32)).collect()
     });

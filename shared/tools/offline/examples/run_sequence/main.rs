@@ -90,7 +90,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             let mut stated = source.camera().clone();
             stated.readout_s = readout_s.unwrap_or(stated.readout_s);
             let started = cpu_ms();
-            let mut run = Run::new(&stated, &method)?;
+            let mut run = Run::stamped(&stated, &method, source.pairing().stamp_sigma_s())?;
             for frame in &decoded {
                 run.push(frame);
             }
