@@ -2,7 +2,7 @@
 //! depth image waits for long.
 
 use std::collections::VecDeque;
-use tessera_frames::pairing::ColourOffset;
+use tessera_frames::colour_offset::ColourOffset;
 
 /// Longest time that a depth image waits for its colour.
 const PATIENCE_NANOS: i64 = 150_000_000;

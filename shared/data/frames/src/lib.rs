@@ -20,6 +20,7 @@ pub mod cameras;
 mod check;
 mod check_words;
 mod colour_camera;
+pub mod colour_offset;
 pub mod decode;
 mod depth_units;
 mod error;

@@ -125,10 +125,9 @@ impl FolderSource {
         let (stamps, colour_stamps) = (stamps_of(&depth), stamps_of(&colour));
         warnings.extend(long_pause(&stamps));
         let mut pairs = pair(&stamps, &colour_stamps);
-        let kept = frames.map_or(depth.len(), |n| usize::try_from(n).unwrap_or(usize::MAX).min(depth.len()));
-        depth.truncate(kept);
-        pairs.truncate(kept);
-        let stamps = stamps.get(..kept).unwrap_or_default();
+        depth.truncate(frames.map_or(usize::MAX, |n| usize::try_from(n).unwrap_or(usize::MAX)));
+        pairs.truncate(depth.len());
+        let stamps = stamps.get(..depth.len()).unwrap_or_default();
         let pairing = pairs.summarise(stamps, &colour_stamps);
         if !asked.is_without_colour && colour_images.warning.is_none() {
             let reason = match n_listed {

@@ -87,8 +87,12 @@ pub fn measure(
             .map(|mut settings| {
                 settings.registration.seed += seed;
                 let Settings { surface, registration, mapping, .. } = settings;
-                Run::new(source.camera(), &Method { surface, registration, mapping })
-                    .map_err(|error| ToolError::Arguments(error.to_string()))
+                Run::stamped(
+                    source.camera(),
+                    &Method { surface, registration, mapping },
+                    source.pairing().stamp_sigma_s(),
+                )
+                .map_err(|error| ToolError::Arguments(error.to_string()))
             })
             .collect::<Result<Vec<Run>, _>>()?;
         let mut next = 0;

@@ -60,6 +60,7 @@ impl RecordedSurface {
 pub(super) fn context(recorded: &Recorded, meter: &Meter) -> Context {
     let method = recorded.method();
     let mut context = Context::new(&recorded.camera, &method.surface, &method.registration, &method.mapping);
+    context.stamp_sigma_s = recorded.stamp_sigma_s;
     context.steps = meter.steps();
     context
 }

@@ -24,7 +24,9 @@ pub fn record(
     tell: &mut dyn FnMut(),
 ) -> Result<u64, ToolError> {
     let camera = source.camera();
-    let begin = Begin { stage: stage.name().into(), config: settings.to_toml()?, camera: camera.clone() };
+    let (stage_name, config) = (stage.name().into(), settings.to_toml()?);
+    let stamp_sigma_s = source.pairing().stamp_sigma_s();
+    let begin = Begin { stage: stage_name, config, camera: camera.clone(), stamp_sigma_s };
     let mut writer = RecordingWriter::create(path, begin)?;
     let method = Method {
         surface: settings.surface.clone(),
@@ -32,7 +34,7 @@ pub fn record(
         mapping: settings.mapping.clone(),
     };
     let wrong = |error: &dyn std::fmt::Display| ToolError::Arguments(error.to_string());
-    let mut run = Run::new(camera, &method).map_err(|error| wrong(&error))?;
+    let mut run = Run::stamped(camera, &method, stamp_sigma_s).map_err(|error| wrong(&error))?;
     let mut tap = Tap { stage, writer: &mut writer, previous: ByteBuf::new(), n_records: 0, n_answers: 0 };
     let n_frames = source.n_frames().unwrap_or(u64::MAX);
     for index in 0..n_frames {

@@ -15,7 +15,7 @@ use tessera_slam::{AlignRecord, AppliedCorrection};
 use tessera_surface::Vertex;
 
 /// Its records.
-const KIND: RecordKind<Entry> = RecordKind::only("stage input", 17);
+const KIND: RecordKind<Entry> = RecordKind::only("stage input", 18);
 
 /// Stages whose input can be recorded, by name.
 pub struct Stages;
@@ -46,6 +46,8 @@ pub struct Begin {
     pub config: String,
     /// The camera of the frames.
     pub camera: Camera,
+    /// Standard deviation of a frame's time, seconds.
+    pub stamp_sigma_s: f64,
 }
 
 /// One piece of input, with the checksum of what the pipeline made of it.
@@ -191,6 +193,8 @@ pub struct Recorded {
     pub settings: Settings,
     /// Camera of the frames.
     pub camera: Camera,
+    /// Standard deviation of a frame's time, seconds.
+    pub stamp_sigma_s: f64,
     /// The input in order.
     pub entries: Vec<Entry>,
 }
@@ -218,7 +222,8 @@ impl Recorded {
         let stage = Stages::named(&begin.stage)?;
         let settings = Settings::from_toml(&begin.config, &path.display().to_string())?;
         begin.camera.check().map_err(|error| bad(error.to_string()))?;
-        Ok(Self { stage, settings, camera: begin.camera, entries })
+        let Begin { camera, stamp_sigma_s, .. } = *begin;
+        Ok(Self { stage, settings, camera, stamp_sigma_s, entries })
     }
 
     /// The settings of the algorithms.
