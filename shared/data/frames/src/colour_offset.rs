@@ -25,6 +25,10 @@ impl ColourOffset {
     /// Images belong together up to this difference, nanoseconds.
     pub(crate) const LATEST_NANOS: i64 = USUAL_OFFSET_NANOS.saturating_add(MAX_DIFFERENCE_NANOS);
 
+    /// Median deviation from the running offset, nanoseconds, up to which stamps jitter: one even over a frame at 30 Hz
+    /// has twice that.
+    pub(crate) const MOST_JITTER_NANOS: i64 = MOST_FOLLOWED_NANOS / 2;
+
     /// How far `difference_nanos`, a colour image's stamp less a depth image's, is from what is expected, nanoseconds;
     /// `None` where the two do not belong together.
     pub fn distance_nanos(&self, difference_nanos: i64) -> Option<i64> {
@@ -37,12 +41,16 @@ impl ColourOffset {
 
     /// Takes in a pair; one of the other side begins anew.
     pub fn add(&mut self, difference_nanos: i64) {
-        let is_of_other_side =
-            difference_nanos.saturating_sub(self.mean_nanos).saturating_abs() > 2 * MOST_FOLLOWED_NANOS;
+        let is_of_other_side = self.deviation_nanos(difference_nanos) > 2 * MOST_FOLLOWED_NANOS;
         let n_pairs = if is_of_other_side { 0 } else { self.n_pairs };
         self.n_pairs = n_pairs.saturating_add(1).min(MEMORY);
         let step = difference_nanos.saturating_sub(self.mean_nanos).checked_div(self.n_pairs).unwrap_or(0);
         self.mean_nanos = self.mean_nanos.saturating_add(step);
+    }
+
+    /// How far a pair's difference is from the running offset, nanoseconds.
+    pub(crate) fn deviation_nanos(&self, difference_nanos: i64) -> i64 {
+        difference_nanos.saturating_sub(self.mean_nanos).saturating_abs()
     }
 
     /// When a depth image was taken, nanoseconds: no image is stamped before, and that of colour is stamped sooner.

@@ -12,9 +12,10 @@ pub struct PairedImages {
     pub taken_nanos: Vec<i64>,
 }
 
-/// Pairs one to one in the order of time; each is the other's nearest by the running offset. Times rise.
+/// Pairs one to one in the order of time; each is the other's nearest by the running offset. Images whose offset
+/// changes by more than jitter were not taken together, and tell nothing of when that was. Times rise.
 pub fn pair(depth_nanos: &[i64], colour_nanos: &[i64]) -> PairedImages {
-    let (mut offset, mut pairs) = (ColourOffset::default(), PairedImages::default());
+    let (mut offset, mut pairs, mut spread) = (ColourOffset::default(), PairedImages::default(), Vec::new());
     // First colour image that is not taken or passed over.
     let mut first = 0;
     for (at, &stamp) in depth_nanos.iter().enumerate() {
@@ -36,12 +37,18 @@ pub fn pair(depth_nanos: &[i64], colour_nanos: &[i64]) -> PairedImages {
         let partner = nearest.and_then(|(found, place)| Some((found, place, *colour_nanos.get(place)?)));
         let partner = partner.filter(|(found, _, colour)| !is_of_next(*colour, *found));
         if let Some((_, place, colour)) = partner {
-            offset.add(colour.saturating_sub(stamp));
+            let difference = colour.saturating_sub(stamp);
+            offset.add(difference);
+            spread.push(offset.deviation_nanos(difference));
             first = place.saturating_add(1);
         }
         pairs.partners.push(partner.map(|(_, place, _)| place));
         let after = pairs.taken_nanos.last().map_or(i64::MIN, |last| last.saturating_add(1));
         pairs.taken_nanos.push(offset.taken_nanos(stamp).max(after));
+    }
+    spread.sort_unstable();
+    if spread.get(spread.len() / 2).is_some_and(|middle| *middle > ColourOffset::MOST_JITTER_NANOS) {
+        pairs.taken_nanos = depth_nanos.to_vec();
     }
     pairs
 }
@@ -174,6 +181,15 @@ mod tests {
             assert_eq!(pairs.taken_nanos, depth);
             assert_eq!(pairs.summarise(&depth, &colour).stamp_sigma_s(), 0.0);
         }
+    }
+
+    #[test]
+    fn streams_without_a_common_phase_do_not_tell_when_depth_was_taken() {
+        let depth: Vec<i64> = (0..50).map(|k| (40 + k * 207) * MILLI).collect();
+        let colour: Vec<i64> = (0..400).map(|k| k * 1_000_000_000 / 30).collect();
+        let pairs = pair(&depth, &colour);
+        assert!(pairs.partners.iter().all(Option::is_some));
+        assert_eq!(pairs.taken_nanos, depth);
     }
 
     #[test]
