@@ -27,7 +27,8 @@ fn written(messages: &[Message], declared: &[&'static str]) -> Vec<u8> {
     for (at, (topic, stamp, encoding, bytes_per_pixel)) in messages.iter().enumerate() {
         let stamp = [(stamp / SECOND) as u32, (stamp % SECOND) as u32];
         let data = image_at(stamp, encoding, *bytes_per_pixel, at as u8);
-        let time = (LOG + at as i64 * STEP / 2) as u64;
+        // The second image of a pair is recorded soon after the first.
+        let time = (LOG + (at / 2) as i64 * STEP + (at % 2) as i64 * STEP / 8) as u64;
         let header = MessageHeader {
             channel_id: channels[topic],
             sequence: at as u32,

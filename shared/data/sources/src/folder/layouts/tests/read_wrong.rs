@@ -56,7 +56,7 @@ fn a_list_of_pairs_is_known_by_its_lines_whatever_its_name() {
     folder.write("notes.txt", "four words and more\nfour words depth/1.png there\n");
     folder.write("rgbd_assoc.txt", &list);
     let source = folder.open();
-    assert_eq!(stamps(&source), [260_000_000, 1_260_000_000, 2_260_000_000]);
+    assert_eq!(stamps(&source), [250_000_000, 1_250_000_000, 2_250_000_000]);
     assert_eq!((said(&source, "list"), source.pairing().n_pairs), ("rgbd_assoc.txt".to_owned(), 3));
 }
 
