@@ -150,8 +150,13 @@ impl MatchWorkspace {
             let best = &mut of_target[target.index as usize];
             *best = (*best).min(key(distance, q));
         });
-        let elsewhere = inside.iter().filter(|(_, at)| is_elsewhere(*at, pixel, settings.same_corner_px));
-        self.second.push(elsewhere.fold(REFUSED, |second, (distance, _)| second.min(*distance)));
+        // Without a branch: no one can tell which of them are elsewhere.
+        let mut second = REFUSED;
+        for (distance, at) in inside.iter() {
+            let is_elsewhere = is_elsewhere(*at, pixel, settings.same_corner_px);
+            second = second.min(if is_elsewhere { *distance } else { REFUSED });
+        }
+        self.second.push(second);
         self.of_query.push(nearest);
     }
 

@@ -125,13 +125,17 @@ impl Rejection {
 
     /// The median residual, after rejecting all that exceed three times it or three times `least`.
     pub(crate) fn by_median(&mut self, found: &mut Found, least: f32) -> f32 {
-        self.residuals.clear();
-        self.residuals.extend(found.sigmas.iter().zip(&found.weight).filter(|f| *f.1 > 0.0).map(|f| f.0));
-        if self.residuals.is_empty() {
+        // Without a branch: each is put down, and overwritten by the next one unless it counts.
+        self.residuals.resize(found.sigmas.len(), 0.0);
+        let mut n = 0;
+        for (sigmas, weight) in found.sigmas.iter().zip(&found.weight) {
+            self.residuals[n] = *sigmas;
+            n += usize::from(*weight > 0.0);
+        }
+        if n == 0 {
             return 0.0;
         }
-        let middle = self.residuals.len() / 2;
-        let (_, median, _) = self.residuals.select_nth_unstable_by(middle, f32::total_cmp);
+        let (_, median, _) = self.residuals[..n].select_nth_unstable_by(n / 2, f32::total_cmp);
         let median = *median;
         let limit = MEDIAN_FACTOR * median.max(least);
         for (weight, sigmas) in found.weight.iter_mut().zip(&found.sigmas) {

@@ -86,8 +86,8 @@ impl Rounded {
         }
         let mut vertices = [Vertex::default(); RUN];
         for (k, (vertex, flags)) in vertices.iter_mut().zip(&self.flags[at..at + n]).enumerate() {
-            let of_vertex = numbers.map(|run| run[k]);
-            *vertex = vertex_of(*flags, of_vertex, normals.map(|run| run[k]));
+            let of_vertex = std::array::from_fn(|number| numbers[number][k]);
+            *vertex = vertex_of(*flags, of_vertex, std::array::from_fn(|axis| normals[axis][k]));
         }
         vertices
     }
