@@ -67,14 +67,20 @@ fn reject<const IS_ROLLING: bool>(it: Reject<'_>) -> u32 {
         });
         let sigmas = (residual_sq / (variance + Lanes::splat(limits.pose_variance))).sqrt();
         // Memory may change after its check: what is rejected must not be able to poison a sum.
-        found.e.store(at, e.map(|c| c.only(keep)));
-        found.nb.store(at, nb.map(|c| c.only(keep)));
+        found.e.store(at, only(e, keep));
+        found.nb.store(at, only(nb, keep));
         found.na.store(at, na);
         distance_sq.store(&mut found.distance_sq, at);
         sigmas.store(&mut found.sigmas, at);
         (Lanes::splat(1.0) / variance).only(keep).store(&mut found.weight, at);
     }
     in_front.iter().sum()
+}
+
+/// No closure: it would be compiled apart, for the oldest processors.
+#[inline(always)]
+fn only(v: [Lanes; 3], keep: [bool; LANES]) -> [Lanes; 3] {
+    [v[0].only(keep), v[1].only(keep), v[2].only(keep)]
 }
 
 /// Rejection that compares matches with each other; holds its buffers.

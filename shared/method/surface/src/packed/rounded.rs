@@ -60,7 +60,9 @@ impl Rounded {
             (numbers[5][k], numbers[6][k], numbers[7][k]) = (green, red - green, blue - green);
         }
         for (number, metres) in [2, 0, 1].map(|c| point[c]).iter().enumerate() {
-            (0..RUN).for_each(|k| numbers[number][k] = octahedron::round(metres[k] / POINT_STEP_M));
+            for k in 0..RUN {
+                numbers[number][k] = octahedron::round(metres[k] / POINT_STEP_M);
+            }
         }
         for k in 0..RUN {
             let place = octahedron::from_normal([normal[0][k], normal[1][k], normal[2][k]]);
