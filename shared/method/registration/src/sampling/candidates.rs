@@ -29,10 +29,16 @@ pub(crate) struct Candidates {
 
 impl Candidates {
     /// Finds the inner vertices that are not too deep.
-    pub(crate) fn find(&mut self, arch: pulp::Arch, vertices: &[Vertex], max_depth_m: f32) {
+    pub(crate) fn find(&mut self, vertices: &[Vertex], max_depth_m: f32) {
         self.vertices.resize(vertices.len(), 0);
         self.bins.resize(vertices.len(), 0);
-        arch.dispatch(Find { candidates: self, vertices, max_depth_m });
+        self.n = 0;
+        // Without a branch: each is put down, and overwritten by the next one unless it counts.
+        for (i, vertex) in vertices.iter().enumerate() {
+            self.vertices[self.n] = i as u32;
+            self.bins[self.n] = bin_of(&vertex.normal);
+            self.n += usize::from(vertex.is_inner() & (vertex.position[2] <= max_depth_m));
+        }
     }
 
     /// All of them in raster order.
@@ -77,43 +83,6 @@ impl Candidates {
     }
 }
 
-/// Vertices whose bins are found at a time.
-const AT_ONCE: usize = 16;
-
-/// [`Candidates::find`], compiled for each instruction set.
-struct Find<'a> {
-    candidates: &'a mut Candidates,
-    vertices: &'a [Vertex],
-    max_depth_m: f32,
-}
-
-impl pulp::WithSimd for Find<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _simd: S) {
-        let Self { candidates, vertices, max_depth_m } = self;
-        let (found, of_found, mut n) = (&mut candidates.vertices, &mut candidates.bins, 0);
-        let mut normals = [[0.0; AT_ONCE]; 3];
-        let mut bins = [0; AT_ONCE];
-        for (run, first) in vertices.chunks(AT_ONCE).zip((0..).step_by(AT_ONCE)) {
-            for (k, vertex) in run.iter().enumerate() {
-                (0..3).for_each(|axis| normals[axis][k] = vertex.normal[axis]);
-            }
-            for k in 0..AT_ONCE {
-                bins[k] = bin_of([normals[0][k], normals[1][k], normals[2][k]]);
-            }
-            // Without a branch: each is put down, and overwritten by the next one unless it counts.
-            for (k, vertex) in run.iter().enumerate() {
-                found[n] = first + k as u32;
-                of_found[n] = bins[k];
-                n += usize::from(vertex.is_inner() & (vertex.position[2] <= max_depth_m));
-            }
-        }
-        candidates.n = n;
-    }
-}
-
 /// Calls with each of `n` places and its run: the runs in turn, each in rising order.
 #[inline(always)]
 fn for_each(n: usize, mut call: impl FnMut(usize, usize)) {
@@ -130,13 +99,13 @@ fn for_each(n: usize, mut call: impl FnMut(usize, usize)) {
 /// The bin of a unit normal: equal bands of `n_z`, and azimuth by comparing slopes rather than by
 /// an arc tangent, which costs more than the whole rest.
 #[inline(always)]
-fn bin_of(n: [f32; 3]) -> u8 {
-    let polar = (((1.0 + n[2]) * (POLAR as f32)) as i32).clamp(0, POLAR as i32 - 1);
+fn bin_of(n: &[f32; 3]) -> u8 {
+    let polar = (((1.0 + n[2]) * (POLAR as f32)) as u8).min(POLAR as u8 - 1);
     let (x, y) = (n[0].abs(), n[1].abs());
     // tan(30 deg) and tan(60 deg) cut each quadrant in three.
-    let third = i32::from(y > 0.577_350_26 * x) + i32::from(y > 1.732_050_8 * x);
-    let quadrant = i32::from(n[0] < 0.0) + 2 * i32::from(n[1] < 0.0);
-    (polar * AZIMUTH as i32 + quadrant * 3 + third) as u8
+    let third = u8::from(y > 0.577_350_26 * x) + u8::from(y > 1.732_050_8 * x);
+    let quadrant = u8::from(n[0] < 0.0) + 2 * u8::from(n[1] < 0.0);
+    polar * AZIMUTH as u8 + quadrant * 3 + third
 }
 
 #[cfg(test)]
@@ -163,7 +132,7 @@ mod tests {
                 })
                 .collect();
             let mut found = Candidates::default();
-            found.find(pulp::Arch::new(), &vertices, 5.0);
+            found.find(&vertices, 5.0);
             let expected: Vec<u32> = (0..n as u32)
                 .filter(|&i| vertices[i as usize].is_inner() && vertices[i as usize].position[2] <= 5.0)
                 .collect();
@@ -172,7 +141,7 @@ mod tests {
             let mut n_taken = 0;
             for bin in 0..BINS {
                 let mut own = expected.clone();
-                own.retain(|&i| usize::from(bin_of(vertices[i as usize].normal)) == bin);
+                own.retain(|&i| usize::from(bin_of(&vertices[i as usize].normal)) == bin);
                 while found.left(bin) > 0 {
                     assert_eq!(found.left(bin), own.len());
                     let pick = own.len() / 3;

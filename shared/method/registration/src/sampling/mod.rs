@@ -54,7 +54,7 @@ impl Sampler {
         settings: &RegistrationSettings,
     ) -> &[u32] {
         let mut random = SplitMix64::for_frame(settings.seed, index);
-        self.candidates.find(settings.isa.arch(), surface.vertices, MAX_SAMPLE_DEPTH_M);
+        self.candidates.find(surface.vertices, MAX_SAMPLE_DEPTH_M);
         let candidates = self.candidates.in_raster_order();
         for drawn in [&mut self.over_image, &mut self.over_normals] {
             drawn.clear();
