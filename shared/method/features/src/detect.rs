@@ -1,8 +1,9 @@
 //! Corners of one level: local maxima of the score, above a lower threshold in cells without any.
 
-use crate::fast::{RUN, score_row, suppress};
+use crate::fast::{RUN, ScoreRow, score_row, suppress};
 use crate::pyramid::Plane;
 use std::ops::Range;
+use tessera_numerics::{Bits, WORD};
 
 /// Pixels around a corner that its descriptor reads: no corner is nearer to the border.
 pub(crate) const MARGIN: usize = 18;
@@ -40,7 +41,7 @@ impl Corner {
 /// Buffers: three rows of scores, of which the middle one is searched.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ScoreRows {
-    rows: [Vec<u8>; 3],
+    rows: [ScoreRow; 3],
     /// Whether a cell has a corner above the threshold.
     is_taken: Vec<bool>,
 }
@@ -96,7 +97,7 @@ pub(crate) fn detect(
     if width <= 2 * MARGIN || height <= 2 * MARGIN {
         return;
     }
-    scores.rows.iter_mut().for_each(|row| row.resize(width + 2 * RUN, 0));
+    scores.rows.iter_mut().for_each(|row| row.scores.resize(width + 2 * RUN, 0));
     let all = ImagePart { rows: MARGIN..height - MARGIN, columns: MARGIN..width - MARGIN };
     scan(plane, grid, &all, threshold, &mut scores.rows, corners);
     scores.is_taken.clear();
@@ -125,7 +126,7 @@ fn scan(
     grid: &CellGrid,
     part: &ImagePart,
     floor: u8,
-    score_rows: &mut [Vec<u8>; 3],
+    score_rows: &mut [ScoreRow; 3],
     corners: &mut Vec<Corner>,
 ) {
     if part.rows.is_empty() || part.columns.is_empty() {
@@ -145,19 +146,22 @@ fn scan(
 
 #[inline(always)]
 fn maxima(
-    rows: [&[u8]; 3],
+    rows: [&ScoreRow; 3],
     grid: &CellGrid,
     row: usize,
     columns: &Range<usize>,
     floor: u8,
     corners: &mut Vec<Corner>,
 ) {
-    let [above, middle, below] = rows;
-    for first in columns.clone().step_by(RUN) {
-        if middle[first..first + RUN].iter().fold(0, |all, &score| all | score) == 0 {
-            continue;
-        }
-        let kept = suppress(rows, first, floor);
+    let [above, middle, below] = rows.map(|row| &row.scores[..]);
+    let runs = rows[1]
+        .runs
+        .iter()
+        .enumerate()
+        .flat_map(|(word, bits)| Bits(*bits).map(move |bit| word * WORD + bit));
+    for run in runs {
+        let first = columns.start - 1 + run * RUN;
+        let kept = suppress([above, middle, below], first, floor);
         // Most runs with a score have no maximum.
         if kept.iter().fold(0, |any, &score| any | score) == 0 {
             continue;
@@ -168,7 +172,7 @@ fn maxima(
                 let byte = bits.trailing_zeros() as usize / 8;
                 bits &= !(0xff << (8 * byte));
                 let column = first + 8 * word + byte;
-                if column < columns.end {
+                if columns.contains(&column) {
                     corners.push(Corner {
                         row: row as u16,
                         column: column as u16,

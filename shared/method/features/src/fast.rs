@@ -5,6 +5,8 @@
 //! `max over arcs of (min of arc) - centre`, or its counterpart for dark arcs, so that the score
 //! needs minima and maxima of bytes alone: one instruction for 16 to 64 pixels.
 
+use tessera_numerics::{Bits, WORD};
+
 /// Pixels that are scored at a time.
 pub(crate) const RUN: usize = 32;
 /// Radius of the ring.
@@ -12,8 +14,15 @@ const RADIUS: usize = 3;
 /// Bytes of a row that a run reads.
 const SPAN: usize = RUN + 2 * RADIUS;
 
-/// Scores a part of row `row` into `out`, indexed by column; 0 where a whole run holds no score above
-/// `floor`.
+/// The scores of a row by column, and a bit for each run, from the first scored column on, that holds one above the
+/// floor.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct ScoreRow {
+    pub(crate) scores: Vec<u8>,
+    pub(crate) runs: Vec<u64>,
+}
+
+/// Scores a part of row `row`; 0 where no pixel of a whole run can have a score above `floor`.
 ///
 /// Up to `RUN - 1` values beyond the last column are written and mean nothing. The ring must lie
 /// inside the image, and `RUN` more pixels beyond it inside its buffer.
@@ -24,22 +33,43 @@ pub(crate) fn score_row(
     row: usize,
     columns: std::ops::Range<usize>,
     floor: u8,
-    out: &mut [u8],
+    out: &mut ScoreRow,
 ) {
-    let n = columns.len().next_multiple_of(RUN);
+    let n_runs = columns.len().div_ceil(RUN);
     let first = (row - RADIUS) * width + columns.start - RADIUS;
-    let out = &mut out[columns.start..columns.start + n];
-    bounds(pixels, width, first, out);
-    for (run, out) in out.chunks_exact_mut(RUN).enumerate() {
-        if out.iter().fold(0, |any, &bound| any | bound.saturating_sub(floor)) == 0 {
-            out.fill(0);
-            continue;
-        }
-        let window: [&[u8; SPAN]; 7] = std::array::from_fn(|r| {
-            pixels[first + r * width + run * RUN..].first_chunk().unwrap_or(&[0; SPAN])
-        });
-        out.copy_from_slice(&scores(&window));
+    let window = |run: usize| -> Window<'_> {
+        std::array::from_fn(|r| pixels[first + r * width + run * RUN..].first_chunk().unwrap_or(&[0; SPAN]))
+    };
+    let scored = &mut out.scores[columns.start..][..n_runs * RUN];
+    bounds(pixels, width, first, scored);
+    out.runs.clear();
+    out.runs.resize(n_runs.div_ceil(WORD), 0);
+    for (run, bounds) in scored.as_chunks().0.iter().enumerate() {
+        out.runs[run / WORD] |= u64::from(is_above(bounds, floor)) << (run % WORD);
     }
+    scored.fill(0);
+    for (word, bits) in out.runs.iter_mut().enumerate() {
+        for bit in Bits(std::mem::take(bits)) {
+            let run = word * WORD + bit;
+            let scores = scores(&window(run));
+            *bits |= u64::from(is_above(&scores, floor)) << bit;
+            scored[run * RUN..][..RUN].copy_from_slice(&scores);
+        }
+    }
+}
+
+#[inline(always)]
+fn is_above(values: &[u8; RUN], floor: u8) -> bool {
+    values.iter().fold(0, |any, value| any | value.saturating_sub(floor)) != 0
+}
+
+/// What a run reads, row by row.
+type Window<'a> = [&'a [u8; SPAN]; 7];
+
+/// The pixels of a window at a row and column of the ring.
+#[inline(always)]
+fn at<'a>(window: &Window<'a>, (row, column): (usize, usize)) -> &'a [u8; RUN] {
+    window[row][column..].first_chunk().unwrap_or(&[0; RUN])
 }
 
 /// An upper bound of the score of each pixel of a row: an arc of nine holds two neighbours of the
@@ -81,11 +111,12 @@ const RING: [(usize, usize); 16] = [
 ];
 
 #[inline(always)]
-fn scores(window: &[&[u8; SPAN]; 7]) -> [u8; RUN] {
+fn scores(window: &Window<'_>) -> [u8; RUN] {
+    let rings: [&[u8; RUN]; 16] = std::array::from_fn(|k| at(window, RING[k]));
+    let centres = at(window, (RADIUS, RADIUS));
     let mut out = [0; RUN];
     for i in 0..RUN {
-        let ring: [u8; 16] = std::array::from_fn(|k| window[RING[k].0][i + RING[k].1]);
-        let centre = window[3][i + 3];
+        let (ring, centre) = (std::array::from_fn(|k| rings[k][i]), centres[i]);
         let bright = arcs(&ring, u8::min, u8::max).saturating_sub(centre);
         let dark = centre.saturating_sub(arcs(&ring, u8::max, u8::min));
         out[i] = bright.max(dark);
@@ -110,13 +141,15 @@ fn arcs(ring: &[u8; 16], inner: impl Fn(u8, u8) -> u8, outer: impl Fn(u8, u8) ->
 /// exceeds; of equal neighbours the first in reading order stays. Others become 0.
 #[inline(always)]
 pub(crate) fn suppress(rows: [&[u8]; 3], column: usize, floor: u8) -> [u8; RUN] {
-    let [above, middle, below] = rows.map(|row| row[column - 1..].first_chunk().unwrap_or(&[0; RUN + 2]));
+    let [[a, b, c], [left, middle, right], [d, e, f]] = rows.map(|row| -> [&[u8; RUN]; 3] {
+        let run = &row[column - 1..][..RUN + 2];
+        std::array::from_fn(|k| run[k..].first_chunk().unwrap_or(&[0; RUN]))
+    });
     let mut out = [0; RUN];
     for i in 0..RUN {
-        let before = above[i].max(above[i + 1]).max(above[i + 2]).max(middle[i]).max(floor);
-        let after = below[i].max(below[i + 1]).max(below[i + 2]).max(middle[i + 2]);
-        let score = middle[i + 1];
-        out[i] = if (score > before) & (score >= after) { score } else { 0 };
+        let before = a[i].max(b[i]).max(c[i]).max(left[i]).max(floor);
+        let after = d[i].max(e[i]).max(f[i]).max(right[i]);
+        out[i] = if (middle[i] > before) & (middle[i] >= after) { middle[i] } else { 0 };
     }
     out
 }
@@ -147,8 +180,9 @@ mod tests {
                 .collect();
             let mut n_corners = 0;
             for row in [3, 9, 20] {
-                let mut found = vec![0; width + RUN];
+                let mut found = ScoreRow { scores: vec![0; width + RUN], runs: Vec::new() };
                 score_row(&pixels, width, row, 3..width - 3, 5, &mut found);
+                let ScoreRow { scores: found, runs } = found;
                 for column in 3..width - 3 {
                     let ring: [u8; 16] = std::array::from_fn(|k| {
                         pixels[(row + RING[k].0 - 3) * width + column + RING[k].1 - 3]
@@ -158,6 +192,10 @@ mod tests {
                     let is_skipped = found[column] == 0 && score <= 5;
                     assert!(found[column] == score || is_skipped, "{contrast} {row} {column}");
                     n_corners += usize::from(score > 5);
+                    assert!(
+                        score <= 5 || runs[0] >> ((column - 3) / RUN) & 1 == 1,
+                        "{contrast} {row} {column}"
+                    );
                 }
             }
             assert!(n_corners > 0 || contrast == 3, "a test without corners tests nothing");

@@ -1,7 +1,7 @@
 //! Data association by descriptor: mutual nearest neighbours with a ratio test.
 
 use crate::feature::Feature;
-use crate::gate::{Gate, TargetCells};
+use crate::gate::{AT_ONCE, Gate, TargetCells};
 use crate::settings::MatchSettings;
 
 /// A query feature and the target feature that it is.
@@ -20,7 +20,8 @@ pub struct FeatureMatch {
 pub struct MatchWorkspace {
     arch: pulp::Arch,
     cells: TargetCells,
-    inside: Vec<(u32, [f32; 2])>,
+    /// Indices of the targets that a gate admits.
+    admitted: Vec<u32>,
     candidates: MatchCandidates,
     distances: Vec<u32>,
     /// Nearest target of each query and nearest query of each target: [`key`].
@@ -36,7 +37,7 @@ impl MatchWorkspace {
         Self {
             arch,
             cells: TargetCells::default(),
-            inside: Vec::new(),
+            admitted: Vec::new(),
             candidates: MatchCandidates::default(),
             distances: Vec::new(),
             of_query: Vec::new(),
@@ -56,6 +57,9 @@ pub fn hamming_distance(a: &[u64; 4], b: &[u64; 4]) -> u32 {
 const REFUSED: u32 = 511;
 /// Bits of an index in a key; distances stand above.
 const INDEX_BITS: u32 = 22;
+
+/// The index in a key.
+const INDEX: u32 = (1 << INDEX_BITS) - 1;
 
 /// Orders candidates by distance, equal ones by index.
 #[inline(always)]
@@ -84,7 +88,7 @@ pub fn match_features(
     arch.dispatch(Matching { queries, targets, gates, settings, w: workspace });
     let w = workspace;
     let passes = |q: usize| -> Option<FeatureMatch> {
-        let (distance, target) = (w.of_query[q] >> INDEX_BITS, w.of_query[q] & ((1 << INDEX_BITS) - 1));
+        let (distance, target) = (w.of_query[q] >> INDEX_BITS, w.of_query[q] & INDEX);
         let is_near = distance <= settings.max_distance.min(256);
         let is_mutual = is_near && w.of_target[target as usize] == key(distance, q as u32);
         let is_distinct = distance as f32 <= settings.max_ratio * w.second[q] as f32;
@@ -114,11 +118,12 @@ impl pulp::WithSimd for Matching<'_> {
         match gates {
             Some(gates) => {
                 w.cells.fill(targets);
-                queries
-                    .iter()
-                    .zip(gates)
-                    .enumerate()
-                    .for_each(|(q, pair)| w.match_gated(q as u32, pair, settings));
+                w.admitted.clear();
+                w.admitted.resize(targets.len() + AT_ONCE, 0);
+                w.distances.resize(targets.len() + AT_ONCE, 0);
+                for (q, pair) in (0..).zip(queries.iter().zip(gates)) {
+                    w.match_gated(q, pair, targets, settings);
+                }
             }
             None => {
                 w.candidates.fill(targets);
@@ -134,25 +139,31 @@ impl pulp::WithSimd for Matching<'_> {
 impl MatchWorkspace {
     /// One query among the few targets that its gate admits.
     #[inline(always)]
-    fn match_gated(&mut self, q: u32, (query, gate): (&Feature, &Gate), settings: &MatchSettings) {
-        let Self { cells, inside, of_target, .. } = self;
-        inside.clear();
-        let (mut nearest, mut pixel) = (key(REFUSED, 0), [0.0; 2]);
-        cells.within(gate, |target| {
-            if u32::from(query.level.abs_diff(target.level)) > settings.max_level_difference {
-                return;
-            }
-            let distance = hamming_distance(&query.descriptor, &target.descriptor);
-            inside.push((distance, target.pixel));
-            if key(distance, target.index) < nearest {
-                (nearest, pixel) = (key(distance, target.index), target.pixel);
-            }
-            let best = &mut of_target[target.index as usize];
-            *best = (*best).min(key(distance, q));
-        });
-        let elsewhere = inside.iter().filter(|(_, at)| is_elsewhere(*at, pixel, settings.same_corner_px));
-        self.second.push(elsewhere.fold(REFUSED, |second, (distance, _)| second.min(*distance)));
+    fn match_gated(
+        &mut self,
+        q: u32,
+        (query, gate): (&Feature, &Gate),
+        targets: &[Feature],
+        settings: &MatchSettings,
+    ) {
+        let Self { cells, admitted, distances, of_target, .. } = self;
+        let n = cells.within(gate, query.level.into(), settings.max_level_difference, admitted);
+        let mut nearest = key(REFUSED, 0);
+        for (&target, distance) in admitted[..n].iter().zip(distances.iter_mut()) {
+            *distance = hamming_distance(&query.descriptor, &targets[target as usize].descriptor);
+            nearest = nearest.min(key(*distance, target));
+            let best = &mut of_target[target as usize];
+            *best = (*best).min(key(*distance, q));
+        }
+        let mut second = REFUSED;
+        let pixel = targets.get((nearest & INDEX) as usize).map_or([0.0; 2], |target| target.pixel);
+        for (&target, &distance) in admitted[..n].iter().zip(distances.iter()) {
+            let is_elsewhere = is_elsewhere(targets[target as usize].pixel, pixel, settings.same_corner_px);
+            // Beyond all distances where it is the same corner.
+            second = second.min(distance | u32::from(!is_elsewhere) << 9);
+        }
         self.of_query.push(nearest);
+        self.second.push(second);
     }
 
     /// One query among all targets.
@@ -224,7 +235,7 @@ impl MatchCandidates {
     /// Distance of the nearest candidate that is not the corner of the nearest one.
     #[inline(always)]
     fn second(&self, nearest: u32, targets: &[Feature], same_corner_px: f32, distances: &[u32]) -> u32 {
-        let Some(nearest) = targets.get((nearest & ((1 << INDEX_BITS) - 1)) as usize) else { return REFUSED };
+        let Some(nearest) = targets.get((nearest & INDEX) as usize) else { return REFUSED };
         let n = distances.len();
         let (row, column, mut second) = (&self.row[..n], &self.column[..n], REFUSED);
         for i in 0..n {

@@ -6,6 +6,7 @@
 //! Every result has the same bits for any number of threads and any set of vector instructions.
 #![deny(unsafe_code)]
 
+mod bits;
 mod block6;
 mod block_cholesky;
 mod elimination;
@@ -21,6 +22,7 @@ mod range;
 mod rice;
 mod steps;
 
+pub use bits::{Bits, WORD};
 pub use block_cholesky::BlockCholesky;
 pub use block6::NotPositiveDefinite;
 pub use isa::{Isa, IsaMissing};

@@ -6,6 +6,7 @@ use crate::columns::CellSums;
 use crate::planes::Workspace;
 use crate::settings::{CellSample, SurfaceSettings};
 use tessera_geometry::{Camera, DepthNoise};
+use tessera_numerics::{Bits, WORD};
 
 /// Turns pixels into points; knows the camera's rays.
 #[derive(Debug)]
@@ -79,17 +80,22 @@ impl CloudMaker {
         let offsets = &mut w.colour_row[row * n..(row + 1) * n];
         let whole_row_offset = if self.rule.averages() { self.step / 2 } else { 0 } as u8;
         offsets.iter_mut().for_each(|c| c[3] = whole_row_offset);
-        for column in 0..n {
-            if means[column] != 0.0 || (column < n_whole && self.sums.cell_most[column] == 0) {
-                continue;
-            }
+        for first in (0..n).step_by(WORD) {
             // Not whole: a hole, a depth edge or a steep slope.
-            let (top, left) = (row * self.step, column * self.step);
-            let size = (self.step.min(self.height - top), self.step.min(self.width - left));
-            let cell = self.rule.measure(&depth[top * self.width + left..], self.width, size);
-            [x[column], y[column], z[column]] =
-                cell.map_or([0.0; 3], |cell| self.point(row, column, n, &cell));
-            offsets[column][3] = cell.map_or(0, |cell| (cell.row + 0.5) as u8);
+            let mut others = 0;
+            for column in first..n.min(first + WORD) {
+                let is_empty = (column < n_whole) & (self.sums.cell_most[column] == 0);
+                others |= u64::from((means[column] == 0.0) & !is_empty) << (column - first);
+            }
+            for place in Bits(others) {
+                let column = first + place;
+                let (top, left) = (row * self.step, column * self.step);
+                let size = (self.step.min(self.height - top), self.step.min(self.width - left));
+                let cell = self.rule.measure(&depth[top * self.width + left..], self.width, size);
+                [x[column], y[column], z[column]] =
+                    cell.map_or([0.0; 3], |cell| self.point(row, column, n, &cell));
+                offsets[column][3] = cell.map_or(0, |cell| (cell.row + 0.5) as u8);
+            }
         }
         z.iter().filter(|&&z| z > 0.0).count()
     }

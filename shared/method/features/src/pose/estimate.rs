@@ -204,7 +204,7 @@ fn judged(
             w.errors.push((residual.squared / residual.n_dimensions).sqrt());
         }
     }
-    if inliers.len() < settings.min_inliers as usize || is_degenerate(&normal.information, settings) {
+    if inliers.len() < settings.min_inliers as usize || is_degenerate(&normal.information(), settings) {
         return None;
     }
     let middle = w.errors.len() / 2;
@@ -215,7 +215,7 @@ fn judged(
         n_both,
         n_usable: w.pools.n_usable(),
         median_error: *median,
-        information: normal.information,
+        information: normal.information(),
         guess,
         n_iterations,
     })

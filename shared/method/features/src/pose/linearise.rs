@@ -7,7 +7,7 @@
 
 use super::correspondence::Correspondence;
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Vector2, Vector3};
-use tessera_geometry::{Matrix6, Pose, Vector6, hat};
+use tessera_geometry::{Matrix6, Pose, Vector6};
 
 /// Nearest depth of a point in front of a camera, metres.
 const MIN_DEPTH_M: f64 = 0.01;
@@ -139,41 +139,59 @@ fn inverse_symmetric(m: &Matrix3<f64>) -> Option<Matrix3<f64>> {
 /// Normal equations of a pose.
 #[derive(Clone, Debug)]
 pub(crate) struct NormalEquations {
-    /// `J^T M J`.
-    pub(crate) information: Matrix6,
+    /// Sums of `M`, `M P` and `P M P` with `P = hat(p)`: all that `J^T M J` has.
+    m: Matrix3<f64>,
+    mp: Matrix3<f64>,
+    pmp: Matrix3<f64>,
     /// `J^T M e`.
     pub(crate) gradient: Vector6,
 }
 
 impl NormalEquations {
     pub(crate) fn zero() -> Self {
-        Self { information: Matrix6::zeros(), gradient: Vector6::zeros() }
+        Self { m: Matrix3::zeros(), mp: Matrix3::zeros(), pmp: Matrix3::zeros(), gradient: Vector6::zeros() }
     }
 
     #[inline(always)]
     pub(crate) fn add(&mut self, residual: &ReprojectionResidual, weight: f64) {
         let m = residual.information * weight;
         let g = residual.gradient * weight;
-        let p = hat(&residual.lever);
-        let mp = m * p;
-        let pmp = p * mp;
-        for c in 0..3 {
-            for r in 0..3 {
-                self.information[(r, c)] += m[(r, c)];
-                self.information[(r, c + 3)] -= mp[(r, c)];
-                self.information[(c + 3, r)] -= mp[(r, c)];
-                self.information[(r + 3, c + 3)] -= pmp[(r, c)];
-            }
+        let p = &residual.lever;
+        // The zeros of `P` left out.
+        let mut mp = Matrix3::zeros();
+        let mut pmp = Matrix3::zeros();
+        for r in 0..3 {
+            mp[(r, 0)] = m[(r, 1)] * p.z - m[(r, 2)] * p.y;
+            mp[(r, 1)] = m[(r, 2)] * p.x - m[(r, 0)] * p.z;
+            mp[(r, 2)] = m[(r, 0)] * p.y - m[(r, 1)] * p.x;
         }
-        let turn = residual.lever.cross(&g);
+        for c in 0..3 {
+            pmp[(0, c)] = p.y * mp[(2, c)] - p.z * mp[(1, c)];
+            pmp[(1, c)] = p.z * mp[(0, c)] - p.x * mp[(2, c)];
+            pmp[(2, c)] = p.x * mp[(1, c)] - p.y * mp[(0, c)];
+        }
+        self.m += m;
+        self.mp += mp;
+        self.pmp += pmp;
+        let turn = p.cross(&g);
         for k in 0..3 {
             self.gradient[k] += g[k];
             self.gradient[k + 3] += turn[k];
         }
     }
 
+    /// `J^T M J`.
+    pub(crate) fn information(&self) -> Matrix6 {
+        let mut information = Matrix6::zeros();
+        information.fixed_view_mut::<3, 3>(0, 0).copy_from(&self.m);
+        information.fixed_view_mut::<3, 3>(0, 3).copy_from(&-self.mp);
+        information.fixed_view_mut::<3, 3>(3, 0).copy_from(&-self.mp.transpose());
+        information.fixed_view_mut::<3, 3>(3, 3).copy_from(&-self.pmp);
+        information
+    }
+
     /// The update `delta` of `pose * exp(delta)`; `None` where the pose is not determined.
     pub(crate) fn solve(&self) -> Option<Vector6> {
-        self.information.cholesky().map(|factor| factor.solve(&self.gradient))
+        self.information().cholesky().map(|factor| factor.solve(&self.gradient))
     }
 }

@@ -32,7 +32,9 @@ pub(crate) fn refine(
     for _ in 0..n_iterations {
         let motion = RelativeMotion::from(&target_from_query);
         let mut normal = NormalEquations::zero();
-        for residual in correspondences.iter().filter_map(|c| linearise(c, &motion)) {
+        // A closure would be compiled apart, for the oldest processors.
+        for correspondence in correspondences {
+            let Some(residual) = linearise(correspondence, &motion) else { continue };
             let relative = residual.squared / limit_sq(&residual, settings.inlier_sigmas);
             if relative < CUT {
                 let weight = 1.0 / (1.0 + relative);

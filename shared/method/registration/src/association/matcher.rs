@@ -189,7 +189,7 @@ impl Matcher {
 
     #[inline(always)]
     fn read_ahead(&self, target: &Target<'_>, place: usize) {
-        if let Some(cell) = self.located.cell(place, self.camera.grid) {
+        if let Some(cell) = self.located.cell(place) {
             descent::read_ahead(&target.surface, cell);
         }
     }
@@ -237,7 +237,7 @@ impl pulp::WithSimd for Descend<'_, '_> {
             if place + AHEAD < n_queries {
                 matcher.read_ahead(target, place + AHEAD);
             }
-            let cell = matcher.located.cell(place, matcher.camera.grid)?;
+            let cell = matcher.located.cell(place)?;
             descent::nearest(&target.surface, cell, reach, matcher.located.q_row.at(place))
         })
     }

@@ -4,7 +4,6 @@ use crate::association::columns::Columns3;
 use crate::association::projection::GridCamera;
 use crate::association::target::ShutterTable;
 use tessera_numerics::lanes::transform;
-use tessera_surface::Grid;
 
 /// Queries of one run moved into the target's frame, and the cells that see them.
 #[derive(Debug, Default)]
@@ -13,17 +12,19 @@ pub(crate) struct Located {
     pub(crate) q: Columns3,
     /// Query in the frame of the target row that saw it: there the target's vertices are compared.
     pub(crate) q_row: Columns3,
-    /// Fractional place in the grid; negative where it is not seen.
-    pub(crate) row: Vec<f32>,
-    pub(crate) column: Vec<f32>,
+    /// Row and column of the cell that sees it, in the upper and lower half: a camera has fewer than 65,536; [`UNSEEN`]
+    /// outside the image.
+    cells: Vec<u32>,
 }
+
+/// No cell.
+const UNSEEN: u32 = u32::MAX;
 
 impl Located {
     pub(crate) fn resize(&mut self, n: usize) {
         self.q.resize(n);
         self.q_row.resize(n);
-        self.row.resize(n, 0.0);
-        self.column.resize(n, 0.0);
+        self.cells.resize(n, UNSEEN);
     }
 
     /// Fills the first `x.len()` places from query points given by coordinate.
@@ -38,11 +39,12 @@ impl Located {
 
     #[inline(always)]
     fn fill_runs<const IS_ROLLING: bool>(&mut self, seen_by: &SeenBy<'_>, [x, y, z]: [&[f32]; 3]) {
-        let mut run = [[0.0; RUN]; 8];
+        let (mut run, mut cells) = ([[0.0; RUN]; 6], [UNSEEN; RUN]);
         for from in (0..x.len()).step_by(RUN) {
             let to = x.len().min(from + RUN);
-            locate::<IS_ROLLING>(seen_by, [&x[from..to], &y[from..to], &z[from..to]], &mut run);
-            let [qx, qy, qz, rx, ry, rz, row, column] = &run;
+            locate::<IS_ROLLING>(seen_by, [&x[from..to], &y[from..to], &z[from..to]], &mut run, &mut cells);
+            let [qx, qy, qz, rx, ry, rz] = &run;
+            self.cells[from..to].copy_from_slice(&cells[..to - from]);
             for (column, found) in [
                 (&mut self.q.x, qx),
                 (&mut self.q.y, qy),
@@ -50,8 +52,6 @@ impl Located {
                 (&mut self.q_row.x, rx),
                 (&mut self.q_row.y, ry),
                 (&mut self.q_row.z, rz),
-                (&mut self.row, row),
-                (&mut self.column, column),
             ] {
                 column[from..to].copy_from_slice(&found[..to - from]);
             }
@@ -60,12 +60,9 @@ impl Located {
 
     /// The cell that sees a query; `None` outside the image.
     #[inline(always)]
-    pub(crate) fn cell(&self, place: usize, grid: Grid) -> Option<(usize, usize)> {
-        // Rounded, not truncated (method T11).
-        let (row, column) = (self.row[place] + 0.5, self.column[place] + 0.5);
-        let is_inside =
-            (row >= 0.0) & (column >= 0.0) & (row < grid.height as f32) & (column < grid.width as f32);
-        is_inside.then_some((row as usize, column as usize))
+    pub(crate) fn cell(&self, place: usize) -> Option<(usize, usize)> {
+        let cell = self.cells[place];
+        (cell != UNSEEN).then_some(((cell >> 16) as usize, (cell & 0xffff) as usize))
     }
 }
 
@@ -84,9 +81,15 @@ pub(crate) struct SeenBy<'a> {
 const RUN: usize = 64;
 
 #[inline(always)]
-fn locate<const IS_ROLLING: bool>(seen_by: &SeenBy<'_>, [x, y, z]: [&[f32]; 3], run: &mut [[f32; RUN]; 8]) {
+fn locate<const IS_ROLLING: bool>(
+    seen_by: &SeenBy<'_>,
+    [x, y, z]: [&[f32]; 3],
+    run: &mut [[f32; RUN]; 6],
+    cells: &mut [u32; RUN],
+) {
     let SeenBy { camera, target_from_query, shutter } = *seen_by;
     let n = x.len().min(RUN);
+    let (height, width) = (camera.grid.height as f32, camera.grid.width as f32);
     let (y, z) = (&y[..n], &z[..n]);
     for k in 0..n {
         let q = transform(target_from_query, [x[k], y[k], z[k]]);
@@ -99,10 +102,13 @@ fn locate<const IS_ROLLING: bool>(seen_by: &SeenBy<'_>, [x, y, z]: [&[f32]; 3], 
             q_row = shutter.move_point(q, -shutter.row_time_s(seen.0));
             seen = camera.project(q_row);
         }
-        for (column, value) in
-            run.iter_mut().zip([q[0], q[1], q[2], q_row[0], q_row[1], q_row[2], seen.0, seen.1])
-        {
+        for (column, value) in run.iter_mut().zip([q[0], q[1], q[2], q_row[0], q_row[1], q_row[2]]) {
             column[k] = value;
         }
+        // Rounded, not truncated (method T11).
+        let (row, column) = (seen.0 + 0.5, seen.1 + 0.5);
+        let is_inside = (row >= 0.0) & (column >= 0.0) & (row < height) & (column < width);
+        let cell = (row as i32) << 16 | column as i32;
+        cells[k] = if is_inside { cell as u32 } else { UNSEEN };
     }
 }

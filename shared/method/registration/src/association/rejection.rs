@@ -67,14 +67,20 @@ fn reject<const IS_ROLLING: bool>(it: Reject<'_>) -> u32 {
         });
         let sigmas = (residual_sq / (variance + Lanes::splat(limits.pose_variance))).sqrt();
         // Memory may change after its check: what is rejected must not be able to poison a sum.
-        found.e.store(at, e.map(|c| c.only(keep)));
-        found.nb.store(at, nb.map(|c| c.only(keep)));
+        found.e.store(at, only(e, keep));
+        found.nb.store(at, only(nb, keep));
         found.na.store(at, na);
         distance_sq.store(&mut found.distance_sq, at);
         sigmas.store(&mut found.sigmas, at);
         (Lanes::splat(1.0) / variance).only(keep).store(&mut found.weight, at);
     }
     in_front.iter().sum()
+}
+
+/// No closure: it would be compiled apart, for the oldest processors.
+#[inline(always)]
+fn only(v: [Lanes; 3], keep: [bool; LANES]) -> [Lanes; 3] {
+    [v[0].only(keep), v[1].only(keep), v[2].only(keep)]
 }
 
 /// Rejection that compares matches with each other; holds its buffers.
@@ -125,13 +131,17 @@ impl Rejection {
 
     /// The median residual, after rejecting all that exceed three times it or three times `least`.
     pub(crate) fn by_median(&mut self, found: &mut Found, least: f32) -> f32 {
-        self.residuals.clear();
-        self.residuals.extend(found.sigmas.iter().zip(&found.weight).filter(|f| *f.1 > 0.0).map(|f| f.0));
-        if self.residuals.is_empty() {
+        // Without a branch: each is put down, and overwritten by the next one unless it counts.
+        self.residuals.resize(found.sigmas.len(), 0.0);
+        let mut n = 0;
+        for (sigmas, weight) in found.sigmas.iter().zip(&found.weight) {
+            self.residuals[n] = *sigmas;
+            n += usize::from(*weight > 0.0);
+        }
+        if n == 0 {
             return 0.0;
         }
-        let middle = self.residuals.len() / 2;
-        let (_, median, _) = self.residuals.select_nth_unstable_by(middle, f32::total_cmp);
+        let (_, median, _) = self.residuals[..n].select_nth_unstable_by(n / 2, f32::total_cmp);
         let median = *median;
         let limit = MEDIAN_FACTOR * median.max(least);
         for (weight, sigmas) in found.weight.iter_mut().zip(&found.sigmas) {

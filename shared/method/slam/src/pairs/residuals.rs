@@ -24,11 +24,35 @@ const ROBUST_SQ: f64 = 9.0;
 /// another value pairs of few matches would weigh otherwise than the rest.
 const PRIOR: [f64; 2] = [57.0, 60.0];
 
+/// A pair's matches at the pose that they agree on: how their variance compares, and their sums.
+pub(crate) fn variance_and_sums(correspondences: &[Correspondence], at: &Pose) -> (f64, BlockSums) {
+    let at = PairMotion::from(at);
+    let residuals: Vec<Option<Residual>> = correspondences.iter().map(|c| residual(c, &at)).collect();
+    let squared = residuals.iter().map(|r| r.as_ref().map_or(f64::INFINITY, |r| r.squared(&at)));
+    let factor = variance_factor(squared.collect());
+    (factor, weighted_sums(residuals.into_iter().flatten(), &at, factor))
+}
+
+/// Sums of all correspondences about `target_from_query`, metric, with robust weights there; `factor`: of their
+/// variances.
+#[cfg(test)]
+pub(crate) fn sums(correspondences: &[Correspondence], target_from_query: &Pose, factor: f64) -> BlockSums {
+    let at = PairMotion::from(target_from_query);
+    weighted_sums(correspondences.iter().filter_map(|c| residual(c, &at)), &at, factor)
+}
+
+fn weighted_sums(residuals: impl Iterator<Item = Residual>, at: &PairMotion, factor: f64) -> BlockSums {
+    let mut sums = BlockSums::default();
+    for RobustResidual { a, e, omega, .. } in residuals.map(|r| RobustResidual::weighted(r, at, factor)) {
+        sums.add(&a, &e, &omega);
+        sums.n += 1;
+    }
+    sums
+}
+
 /// Variance of a pair's matches over the usual one, by the median of their squared errors: a blurred image has a larger
 /// one. The prior's part is what matches err by together.
-pub(crate) fn variance_factor(correspondences: &[Correspondence], target_from_query: &Pose) -> f64 {
-    let at = PairMotion::from(target_from_query);
-    let mut squared: Vec<f64> = correspondences.iter().map(|c| error_at(c, &at)).collect();
+fn variance_factor(mut squared: Vec<f64>) -> f64 {
     let n = squared.len();
     if n == 0 {
         return 1.0;
@@ -36,20 +60,6 @@ pub(crate) fn variance_factor(correspondences: &[Correspondence], target_from_qu
     let (_, median, _) = squared.select_nth_unstable_by(n / 2, f64::total_cmp);
     let [squared, matches] = PRIOR;
     (squared + n as f64 * *median) / (matches + n as f64) * (matches / squared)
-}
-
-/// Sums of all correspondences about `target_from_query`, metric, with robust weights there; `factor`: of their
-/// variances.
-pub(crate) fn sums(correspondences: &[Correspondence], target_from_query: &Pose, factor: f64) -> BlockSums {
-    let mut sums = BlockSums::default();
-    let at = PairMotion::from(target_from_query);
-    for RobustResidual { a, e, omega, .. } in
-        correspondences.iter().filter_map(|c| RobustResidual::of(c, &at, factor))
-    {
-        sums.add(&a, &e, &omega);
-        sums.n += 1;
-    }
-    sums
 }
 
 /// A residual at a transform, with its robust weight in its information.
@@ -67,11 +77,14 @@ impl RobustResidual {
         target_from_query: &PairMotion,
         factor: f64,
     ) -> Option<Self> {
-        let Residual { a, b, omega } = residual(correspondence, target_from_query)?;
+        residual(correspondence, target_from_query).map(|r| Self::weighted(r, target_from_query, factor))
+    }
+
+    fn weighted(Residual { a, b, omega }: Residual, target_from_query: &PairMotion, factor: f64) -> Self {
         let omega = omega / factor;
         let e = target_from_query.error(&a, &b);
         let weight = 1.0 / (1.0 + e.dot(&(omega * e)) / ROBUST_SQ);
-        Some(Self { a, b, e, omega: omega * weight })
+        Self { a, b, e, omega: omega * weight }
     }
 }
 
@@ -87,10 +100,15 @@ pub(crate) fn n_within(correspondences: &[Correspondence], target_from_query: &P
 }
 
 fn error_at(correspondence: &Correspondence, target_from_query: &PairMotion) -> f64 {
-    residual(correspondence, target_from_query).map_or(f64::INFINITY, |r| {
-        let e = target_from_query.error(&r.a, &r.b);
-        e.dot(&(r.omega * e))
-    })
+    residual(correspondence, target_from_query).map_or(f64::INFINITY, |r| r.squared(target_from_query))
+}
+
+impl Residual {
+    /// Squared normalised error.
+    fn squared(&self, target_from_query: &PairMotion) -> f64 {
+        let e = target_from_query.error(&self.a, &self.b);
+        e.dot(&(self.omega * e))
+    }
 }
 
 /// A transform as a matrix, for many points.
@@ -172,11 +190,11 @@ mod tests {
         let at = Pose::identity();
         for scale in [0.5, 1.0, 2.0] {
             // The median of a chi-square distribution of three degrees of freedom is 2.37, the usual one .95.
-            let of_many = variance_factor(&matches(6000, scale), &at) / (scale * scale) * 0.95 / 2.37;
+            let of_many = variance_and_sums(&matches(6000, scale), &at).0 / (scale * scale) * 0.95 / 2.37;
             assert!((0.9..1.1).contains(&of_many), "{scale}: {of_many}");
         }
-        assert!(variance_factor(&matches(12, 2.0), &at) < 3.0);
-        assert_eq!(variance_factor(&[], &at), 1.0);
+        assert!(variance_and_sums(&matches(12, 2.0), &at).0 < 3.0);
+        assert_eq!(variance_and_sums(&[], &at).0, 1.0);
     }
 
     #[test]

@@ -20,8 +20,7 @@ pub(crate) struct FeaturePair {
 impl FeaturePair {
     /// Of matches that agree on a pose.
     pub(crate) fn new(target_from_query: Pose, inliers: Vec<Correspondence>) -> Self {
-        let variance_factor = residuals::variance_factor(&inliers, &target_from_query);
-        let sums = residuals::sums(&inliers, &target_from_query, variance_factor);
+        let (variance_factor, sums) = residuals::variance_and_sums(&inliers, &target_from_query);
         Self { target_from_query, inliers, variance_factor, sums }
     }
 }

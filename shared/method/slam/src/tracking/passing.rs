@@ -81,15 +81,15 @@ impl<'a> SeenThrough<'a> {
         let has_moved = |sample: &Sample, views: u32| {
             views != 0 && self.is_before(&sample.point, |view| views >> view & 1 == 1)
         };
-        let at_rest: Vec<Sample> = samples
-            .iter()
-            .zip(&views)
-            .filter(|(sample, views)| !has_moved(sample, **views))
-            .map(|(sample, _)| *sample)
-            .collect();
-        let share = 1.0 - at_rest.len() as f64 / samples.len() as f64;
-        let is_enough = at_rest.len() >= MIN_SAMPLES;
-        (is_enough && (LEAST_SHARE..=MOST_SHARE).contains(&share)).then_some(at_rest)
+        // Mostly all of them are at rest: the samples are copied only where some are not.
+        let have_moved: Vec<bool> =
+            samples.iter().zip(&views).map(|(s, views)| has_moved(s, *views)).collect();
+        let n_at_rest = have_moved.iter().filter(|has_moved| !**has_moved).count();
+        let share = 1.0 - n_at_rest as f64 / samples.len() as f64;
+        let is_enough = n_at_rest >= MIN_SAMPLES;
+        let at_rest = samples.iter().zip(&have_moved).filter(|(_, has_moved)| !**has_moved);
+        (is_enough && (LEAST_SHARE..=MOST_SHARE).contains(&share))
+            .then(|| at_rest.map(|(sample, _)| *sample).collect())
     }
 
     /// For each sample the views that may have seen through where it is, a bit each: few, and never one too few.

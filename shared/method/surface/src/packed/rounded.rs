@@ -59,9 +59,8 @@ impl Rounded {
             let [red, green, blue] = vertex.rgb().map(i32::from);
             (numbers[5][k], numbers[6][k], numbers[7][k]) = (green, red - green, blue - green);
         }
-        for (number, metres) in [2, 0, 1].map(|c| point[c]).iter().enumerate() {
-            (0..RUN).for_each(|k| numbers[number][k] = octahedron::round(metres[k] / POINT_STEP_M));
-        }
+        (numbers[0], numbers[1], numbers[2]) =
+            (in_steps(&point[2]), in_steps(&point[0]), in_steps(&point[1]));
         for k in 0..RUN {
             let place = octahedron::from_normal([normal[0][k], normal[1][k], normal[2][k]]);
             (numbers[3][k], numbers[4][k]) = (place[0], place[1]);
@@ -86,8 +85,8 @@ impl Rounded {
         }
         let mut vertices = [Vertex::default(); RUN];
         for (k, (vertex, flags)) in vertices.iter_mut().zip(&self.flags[at..at + n]).enumerate() {
-            let of_vertex = numbers.map(|run| run[k]);
-            *vertex = vertex_of(*flags, of_vertex, normals.map(|run| run[k]));
+            let of_vertex = std::array::from_fn(|number| numbers[number][k]);
+            *vertex = vertex_of(*flags, of_vertex, std::array::from_fn(|axis| normals[axis][k]));
         }
         vertices
     }
@@ -96,6 +95,15 @@ impl Rounded {
     pub(super) fn vertex(&self, at: usize) -> Vertex {
         self.run(at, 1)[0]
     }
+}
+
+#[inline(always)]
+fn in_steps(metres: &[f32; RUN]) -> [i32; RUN] {
+    let mut steps = [0; RUN];
+    for k in 0..RUN {
+        steps[k] = octahedron::round(metres[k] / POINT_STEP_M);
+    }
+    steps
 }
 
 #[inline(always)]

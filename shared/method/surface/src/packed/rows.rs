@@ -72,32 +72,21 @@ impl RoundedRows {
 
     /// Reads the vertices of the row that are not known; `None` where there is no code.
     pub(super) fn read(&mut self, reader: &mut RiceReader) -> Option<()> {
-        let mut codes = std::mem::take(&mut self.codes);
-        codes.resize(self.current.flags.len(), 0);
-        let n_unknown = self.n_to_code(0);
-        reader.row(&mut codes[..n_unknown])?;
-        let (mut left, mut changes) = (0, codes[..n_unknown].iter());
-        for flags in &mut self.current.flags {
+        let Self { current: Rounded { flags, numbers }, above, codes } = self;
+        codes.resize(flags.iter().filter(|flags| is_coded(**flags, 0)).count(), 0);
+        reader.row(codes)?;
+        let (mut left, mut changes) = (0, codes.iter());
+        for flags in flags.iter_mut() {
             if !has(*flags, KNOWN) {
                 *flags = (left ^ changes.next()?) & ALL_FLAGS;
             }
             left = *flags & ALL_FLAGS;
         }
-        for (number, &flag) in NUMBERS.iter().enumerate() {
-            let n = self.n_to_code(flag);
-            reader.row(&mut codes[..n])?;
-            let mut residuals = codes[..n].iter();
-            self.complete(number, |prediction| {
-                prediction.wrapping_add(residuals.next().map_or(0, |&code| unzigzag(code)))
-            });
-        }
-        self.codes = codes;
-        Some(())
-    }
-
-    /// How many vertices that are not known have a flag.
-    fn n_to_code(&self, flag: u32) -> usize {
-        self.current.flags.iter().filter(|&&flags| is_coded(flags, flag)).count()
+        let ([x, y, z, u, v, r, g, b], above) = (numbers, &above.numbers);
+        let mut rest = Rest { reader, flags, codes };
+        rest.complete(NUMBERS[0], [x, y, z], [&above[0], &above[1], &above[2]])?;
+        rest.complete(NUMBERS[3], [u, v], [&above[3], &above[4]])?;
+        rest.complete(NUMBERS[5], [r, g, b], [&above[5], &above[6], &above[7]])
     }
 
     /// Codes of one number of the vertices to be written. All values being there, none waits for the one before
@@ -128,23 +117,51 @@ impl RoundedRows {
         }
         codes.truncate(n);
     }
+}
 
-    /// Completes the row of one number: what is known stays, what is coded becomes what `value_of` makes of its
-    /// prediction, and the rest is its prediction.
-    #[inline]
-    fn complete(&mut self, number: usize, mut value_of: impl FnMut(i32) -> i32) {
-        let flag = NUMBERS[number];
-        let Self { current, above, .. } = self;
-        let value_of = |flags, value, prediction| {
-            if is_coded(flags, flag) {
-                value_of(prediction)
-            } else if has(flags, KNOWN) {
-                value
-            } else {
-                prediction
+/// What is left to read of a row whose flags are known.
+struct Rest<'a, 'b> {
+    reader: &'a mut RiceReader<'b>,
+    flags: &'a [u32],
+    codes: &'a mut Vec<u32>,
+}
+
+impl Rest<'_, '_> {
+    /// Completes the rows of numbers with one flag: what is known stays, what is coded is its prediction and the
+    /// residual that is read, and the rest is its prediction. Each prediction waits for the value before it, so the
+    /// numbers go together.
+    fn complete<const N: usize>(
+        &mut self,
+        flag: u32,
+        values: [&mut Vec<i32>; N],
+        above: [&Vec<i32>; N],
+    ) -> Option<()> {
+        let Self { reader, flags, codes } = self;
+        let n = flags.iter().filter(|flags| is_coded(**flags, flag)).count();
+        codes.resize(N * n, 0);
+        for number in 0..N {
+            reader.row(&mut codes[number * n..][..n])?;
+        }
+        let residuals: [&[u32]; N] = std::array::from_fn(|number| &codes[number * n..][..n]);
+        let values = values.map(|row| &mut row[..flags.len()]);
+        let above = above.map(|row| &row[..flags.len()]);
+        let (mut left, mut above_left, mut next) = (above.map(|row| row[0]), above.map(|row| row[0]), 0);
+        for (column, &flags) in flags.iter().enumerate() {
+            let (is_coded, is_known) = (is_coded(flags, flag), has(flags, KNOWN));
+            for number in 0..N {
+                let here = above[number][column];
+                let mut value = predicted(left[number], here, above_left[number]);
+                if is_coded {
+                    value = value.wrapping_add(unzigzag(residuals[number][next]));
+                } else if is_known {
+                    value = values[number][column];
+                }
+                values[number][column] = value;
+                (left[number], above_left[number]) = (value, here);
             }
-        };
-        predict_row(&mut current.numbers[number], &above.numbers[number], &current.flags, value_of);
+            next += usize::from(is_coded);
+        }
+        Some(())
     }
 }
 
@@ -160,19 +177,4 @@ fn is_coded(flags: u32, flag: u32) -> bool {
 fn predicted(left: i32, above: i32, above_left: i32) -> i32 {
     let plane = left.wrapping_add(above).wrapping_sub(above_left);
     plane.clamp(left.min(above), left.max(above))
-}
-
-/// Walks over a row: each value becomes what `value_of` makes of its flags, of itself, and of its prediction.
-#[inline]
-fn predict_row(
-    current: &mut [i32],
-    above: &[i32],
-    flags: &[u32],
-    mut value_of: impl FnMut(u32, i32, i32) -> i32,
-) {
-    let (mut left, mut above_left) = (above[0], above[0]);
-    for ((value, &above), &flags) in current.iter_mut().zip(above).zip(flags) {
-        *value = value_of(flags, *value, predicted(left, above, above_left));
-        (left, above_left) = (*value, above);
-    }
 }
