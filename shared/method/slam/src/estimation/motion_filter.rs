@@ -26,9 +26,10 @@ use tessera_geometry::{Pose, Twist, Vector6, exp, log};
 const STEP: f64 = 0.03;
 /// Most that one frame adds to a logarithm, in steps.
 const MOST_STEPS: f64 = 2.0;
-/// Density of the acceleration before anything is known, m^2/s^3 and rad^2/s^3: 2 m/s^2 and 10 rad/s^2 that last for
-/// a thirtieth of a second.
-const START_DENSITY: [f64; 2] = [4.0 / 30.0, 100.0 / 30.0];
+/// Time between two frames of a usual camera, seconds.
+pub(crate) const FRAME_S: f64 = 1.0 / 30.0;
+/// Acceleration before anything is known, m/s^2 and rad/s^2, that lasts from one frame to the next.
+const START_ACCELERATION: [f64; 2] = [2.0, 10.0];
 /// Standard deviation of a velocity that no alignment determines, m/s and rad/s: of a hand or a robot indoors.
 const START_VELOCITY: [f64; 2] = [1.5, 1.5];
 /// Standard deviation of a rotation between two frames that no gyroscope falls below, radians: its axes and the camera's
@@ -156,7 +157,7 @@ impl MotionState {
     /// The variances of an axis some time later.
     fn ahead(&self, axis: usize, t: f64) -> [f64; 3] {
         let [pp, pv, vv] = self.variance[axis];
-        let q = START_DENSITY[axis / 3] * libm::exp(self.ln_density[axis / 3]);
+        let q = START_ACCELERATION[axis / 3].powi(2) * FRAME_S * libm::exp(self.ln_density[axis / 3]);
         [pp + 2.0 * pv * t + vv * t * t + q * t.powi(3) / 3.0, pv + vv * t + q * t * t / 2.0, vv + q * t]
     }
 
@@ -241,7 +242,8 @@ mod tests {
                         (0.7..1.4).contains(&(found / sigma)),
                         "{acceleration} {sigma} {stated}: {found}"
                     );
-                    let density = START_DENSITY[group] * libm::exp(state.ln_density[group]);
+                    let density =
+                        START_ACCELERATION[group].powi(2) * FRAME_S * libm::exp(state.ln_density[group]);
                     let found = (density * 30.0).sqrt();
                     assert!((0.5..2.0).contains(&(found / acceleration)), "{acceleration} {sigma}: {found}");
                 }

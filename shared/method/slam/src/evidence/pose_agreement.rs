@@ -16,7 +16,7 @@ const N_UPPER: usize = 21;
 
 /// Least standard deviation of a pose, metres and radians, as share of what it says of a direction: a covariance
 /// that is singular, as that of a first frame, has no inverse. Far below what any sensor resolves.
-const LEAST_SIGMA: f64 = 1e-4;
+pub(crate) const LEAST_SIGMA: f64 = 1e-4;
 
 /// Distance of two poses beyond which they are two places, metres, half a radian as a metre: drift that is smaller
 /// brings no other room.

@@ -1,13 +1,12 @@
 //! What a pair of images tells on whether colour is of its time and place (method 14.4).
 
 use crate::estimation::colour_pose::{Coupling, ParameterMatrix};
+use crate::estimation::student::FREEDOM;
 use tessera_geometry::{Matrix6, Vector6};
 
 /// Standard deviation of the pose of chance matches about that of the surfaces, metres and radians: they are searched
 /// near it. The most likely values on ten sets of foreign images, simulated and recorded, are .01 to .03.
 const FOREIGN_SIGMA: f64 = 0.02;
-/// Degrees of freedom of the disagreement of two poses: their noise scales are known to some four degrees each.
-const FREEDOM: f64 = 8.0;
 /// Probability assumed that a pair of images of its time and place agrees: a keyframe may be blurred, its stamp wrong.
 const OWN_AGREES: f64 = 0.97;
 
@@ -35,12 +34,13 @@ pub(crate) fn own_nats(
     Some(libm::log(OWN_AGREES * libm::exp(nats) + 1.0 - OWN_AGREES))
 }
 
-/// Of Student's t in six dimensions, but for a constant.
+/// Of Student's t in six dimensions, but for a constant: the noise scales of both poses are known to some degrees each.
 fn log_density(covariance: &Matrix6, value: &Vector6) -> Option<f64> {
     let factor = covariance.cholesky()?;
     let squared = value.dot(&factor.solve(value));
+    let freedom = 2.0 * FREEDOM;
     let log_determinant: f64 = factor.l_dirty().diagonal().iter().map(|v| 2.0 * libm::log(*v)).sum();
-    Some(-0.5 * (log_determinant + (FREEDOM + 6.0) * libm::log1p(squared / FREEDOM)))
+    Some(-0.5 * (log_determinant + (freedom + 6.0) * libm::log1p(squared / freedom)))
 }
 
 #[cfg(test)]

@@ -15,6 +15,7 @@ use crate::pairs::matchable::Matchable;
 use crate::pairs::matching::{PairFinder, Reach};
 use crate::pairs::verification::{self, InFront};
 use crate::settings::GlobalSettings;
+use crate::tracking::acceptance::STRICT;
 use crate::tracking::sight::ENOUGH_FEATURES;
 use nalgebra::Vector3;
 use tessera_geometry::Pose;
@@ -23,8 +24,6 @@ use tessera_registration::{Matcher, Sampler};
 
 /// Pairs of keyframes that are asked across a join, and as many of both parts by themselves, at most.
 const MOST_ASKED: usize = 100;
-/// Share of what the one saw that floats in front of what the other saw, by which a pair contradicts.
-const MOST_IN_FRONT: f64 = 0.5 * GlobalSettings::MAX_IN_FRONT;
 /// Views that share features wherever they show the same place.
 const SAME_VIEW: ViewLimits = ViewLimits { radius_m: 0.5, angle_rad: 20.0_f64.to_radians() };
 /// What is about the place at which two components are joined, metres: both have drifted in themselves.
@@ -138,7 +137,7 @@ impl<'a> PairTester<'a> {
     fn floats(&mut self, [query, target]: [&Matchable<'_>; 2], target_from_query: &Pose) -> bool {
         let InFront { at_optimum, as_placed } =
             verification::in_front(&mut self.matcher, query, target, target_from_query);
-        at_optimum.min(as_placed) > MOST_IN_FRONT
+        at_optimum.min(as_placed) > STRICT.in_front
     }
 
     /// Whether two that have the same view share no features, wherever they are looked for.

@@ -51,7 +51,7 @@ pub(crate) struct StrictLimits {
     /// Least share of that part that has a match.
     matched: f64,
     /// Largest share of that part that floats in front of what it saw.
-    in_front: f64,
+    pub(crate) in_front: f64,
     /// Largest median normal residual, standard deviations of depth.
     residual_sigmas: f64,
 }

@@ -4,6 +4,8 @@
 //! the other has been eliminated (Schur), and the motion is measured at the centroid of the scene:
 //! about a camera far from it, rotation and translation are nearly the same thing.
 
+use crate::estimation::motion_filter::FRAME_S;
+use crate::evidence::pose_agreement::LEAST_SIGMA;
 use crate::map::cause::{DegenerateMotion, MotionKind};
 use crate::map::context::Context;
 use crate::settings::WindowSettings;
@@ -102,16 +104,12 @@ fn direction(
     DegenerateDirection { motion, tangent, coordinate }
 }
 
-/// Standard deviation at which a degenerate direction is held one thirtieth of a second after the frame
-/// before, metres or radians. A camera speeds up: it grows with the square of the time.
-const HELD: f64 = 1e-4;
-const HELD_AFTER_S: f64 = 1.0 / 30.0;
-
-/// Information that holds the degenerate directions where they are predicted, metric. `seconds` since the
+/// Information that holds the degenerate directions where they are predicted, metric: as nothing resolves them, and from
+/// frame to frame of a usual camera on with the square of the time, for a camera speeds up. `seconds` since the
 /// frame that the prediction goes by; 0 where it is no prediction but a place.
 pub(crate) fn hold(degenerate: &[DegenerateDirection], seconds: f64) -> Matrix6 {
-    let frames = (seconds / HELD_AFTER_S).max(1.0);
-    let sigma = HELD * frames * frames;
+    let frames = (seconds / FRAME_S).max(1.0);
+    let sigma = LEAST_SIGMA * frames * frames;
     let mut held = Matrix6::zeros();
     for f in degenerate {
         held += f.coordinate * f.coordinate.transpose() / (sigma * sigma);

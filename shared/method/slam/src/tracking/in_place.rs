@@ -5,7 +5,6 @@ use crate::map::state::KeyframeState;
 use crate::tracking::acceptance::AGREEING;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
-use crate::tracking::window::Member;
 use crate::tracking::window_alignment::WindowAlignment;
 use tessera_geometry::Pose;
 
@@ -14,11 +13,9 @@ pub(crate) fn old_members<'a>(
     input: &TrackingInput<'a>,
     aligned: &WindowAlignment,
 ) -> impl Iterator<Item = &'a KeyframeState> {
-    let keyframes = aligned.members.iter().filter_map(|member| match member {
-        Member::Keyframe(id) => input.map.keyframe(*id),
-        Member::Recent(_) => None,
-    });
-    keyframes.filter(|k| detection::is_loop(&input.context.mapping.loops, input.map, k, input.frame.index))
+    aligned
+        .keyframes(input.map)
+        .filter(|k| detection::is_loop(&input.context.mapping.loops, input.map, k, input.frame.index))
 }
 
 /// Whether features of a keyframe of long ago agree with the pose to which the window's surfaces brought the frame.

@@ -150,12 +150,17 @@ pub(crate) fn glimpse(
     keyframes: &[&KeyframeState],
     is_worth_while: impl Fn(&Pose, u32) -> bool,
 ) -> Option<WindowAlignment> {
-    let is_asked = |k: &KeyframeState| keyframes.binary_search_by_key(&k.id, |asked| asked.id).is_ok();
-    let n = input.context.mapping.relocalise.n_recognised as usize;
-    let ids = aligner.sight.recognise_frame(input, [n, MIN_WORDS], is_asked);
+    let ids = recognised(input, aligner, keyframes);
     let seen = candidates_by_features(input, aligner, &ids, AGREEING as usize);
     let best = seen.into_iter().find(|candidate| is_worth_while(&candidate.guess, candidate.submap))?;
     first_that_fits(input, aligner, vec![best]).map(|place| place.found)
+}
+
+/// Those of these keyframes that show most of the frame's features.
+fn recognised(input: &TrackingInput<'_>, aligner: &mut Aligner, keyframes: &[&KeyframeState]) -> Vec<u32> {
+    let is_asked = |k: &KeyframeState| keyframes.binary_search_by_key(&k.id, |asked| asked.id).is_ok();
+    let n = input.context.mapping.relocalise.n_recognised as usize;
+    aligner.sight.recognise_frame(input, [n, MIN_WORDS], is_asked)
 }
 
 /// A candidate that passed.
@@ -186,11 +191,7 @@ fn first_that_fits(
             continue;
         }
         // Of the submaps that are joined there, that of the nearest keyframe.
-        let nearest = found.members.iter().find_map(|member| match member {
-            Member::Keyframe(id) => input.map.keyframe(*id),
-            Member::Recent(_) => None,
-        });
-        let submap = nearest.map_or(candidate.submap, |k| k.submap);
+        let submap = found.keyframes(input.map).next().map_or(candidate.submap, |k| k.submap);
         let how = Cause::Found(candidate.place, fit);
         let evidence_nats = shown.llr_nats();
         return Some(FoundPlace { found: WindowAlignment { submap, evidence_nats, ..found }, how, shown });
@@ -220,10 +221,7 @@ fn seen_candidates(
     if aligner.sight.n_features() == 0 || !input.context.is_colour_trusted {
         return Vec::new();
     }
-    let n = input.context.mapping.relocalise.n_recognised as usize;
-    let is_asked =
-        |keyframe: &KeyframeState| keyframes.binary_search_by_key(&keyframe.id, |asked| asked.id).is_ok();
-    let known = aligner.sight.recognise_frame(input, [n, MIN_WORDS], is_asked);
+    let known = recognised(input, aligner, keyframes);
     let newest = keyframes.iter().rev().take(N_NEWEST).map(|k| k.id);
     let in_turn = keyframes.get(N_NEWEST * turn % keyframes.len().max(1));
     let mut ids: Vec<u32> = known.into_iter().chain(newest).chain(in_turn.map(|k| k.id)).collect();

@@ -33,7 +33,7 @@ pub(crate) type SurfaceKey = (bool, u64);
 /// Surfaces of which observations, or trees, are kept beside those of this frame.
 pub(crate) const SURFACES_KEPT: usize = 24;
 /// Keyframes whose ids differ by no more show the same place, and so many are looked at for each.
-const NEAR_IN_TIME: u32 = 4;
+pub(crate) const NEAR_IN_TIME: u32 = 4;
 const NEIGHBOURS: usize = 10;
 
 /// Pairs with references, those without a result too.

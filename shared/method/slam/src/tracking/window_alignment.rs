@@ -1,9 +1,11 @@
 //! A frame aligned to a window of the map, from an initial guess (method 5.1, 6).
 
 use crate::map::cause::{Cause, ReferenceFit};
+use crate::map::map_view::MapView;
 #[cfg(doc)]
 use crate::map::records::FrameRecord;
 use crate::map::records::State;
+use crate::map::state::KeyframeState;
 use crate::map::view_limits::ViewLimits;
 use crate::tracking::acceptance::{self, COARSE, STRICT};
 use crate::tracking::alignment::{Aligner, Alignment};
@@ -35,6 +37,16 @@ pub(crate) struct WindowAlignment {
     pub(crate) causes: Vec<Cause>,
     /// Evidence so far where the place is not yet certain, as in [`FrameRecord::evidence_nats`].
     pub(crate) evidence_nats: f64,
+}
+
+impl WindowAlignment {
+    /// The keyframes of the window: of one about a place, the nearest first.
+    pub(crate) fn keyframes<'a>(&self, map: MapView<'a>) -> impl Iterator<Item = &'a KeyframeState> {
+        self.members.iter().filter_map(move |member| match member {
+            Member::Keyframe(id) => map.keyframe(*id),
+            Member::Recent(_) => None,
+        })
+    }
 }
 
 /// Aligns all samples to the local window about the initial guess.
