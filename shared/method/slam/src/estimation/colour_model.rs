@@ -5,6 +5,7 @@
 //! likelihood) are applied where their own deviations tell that they are not zero; the readout
 //! ([`crate::estimation::readout`]) where they tell that what is applied is wrong.
 
+use crate::estimation::FORGETTING;
 use crate::estimation::colour_pose::{ColourParameters, ParameterMatrix, ParameterSums};
 use crate::estimation::readout::{ReadoutRecord, ReadoutState};
 use nalgebra::Vector3;
@@ -97,26 +98,23 @@ impl ColourPoseRecord {
 pub type CameraEvidence<'a> =
     (Option<&'a ColourRecord>, Option<&'a ColourPoseRecord>, Option<&'a ReadoutRecord>);
 
-/// Log odds before the first frame, as if one of four cameras had colour of another time or scene.
+/// Log odds before the first frame, as if one of four cameras had colour of another time or scene; beyond them colour
+/// that was found wrong is believed again.
 const FIRST_NATS: f64 = 1.0;
 /// Share of a frame's evidence that is its own: those of frames that follow each other correlate by half.
 const OWN_SHARE: f64 = 1.0 / 3.0;
-/// Log odds from which on colour that was found wrong is believed again: ten to one.
-const AGAIN_NATS: f64 = 2.3;
 /// Log odds, at most, as if colour went wrong, or right, in one of a thousand frames.
 const MOST_NATS: f64 = 7.0;
-/// Least share that a frame has in the running mean.
-const LEAST_SHARE: f64 = 0.1;
 /// Residual before the first frame, pixels.
 const FIRST_RESIDUAL_PX: f64 = 4.0;
 /// A frame's residual counts as this at least, pixels: what corners are found to.
 pub(crate) const LEAST_RESIDUAL_PX: f64 = 0.5;
 /// Residual from which on features are no start for the surfaces, pixels.
 const VAGUE_PX: f64 = 10.0;
+/// One of so many frames is audited, once the first were, and so many audits are in the running mean.
+pub(crate) const AUDITED_EVERY: u64 = 8;
 /// Frames in which colour is on probation.
 const PROBATION_FRAMES: u32 = 2;
-/// Share by which what was seen before counts less with each keyframe.
-const FORGETTING: f64 = 0.01;
 /// Standard deviations of lag and ratio before anything is measured: exposures start within a frame of 33 ms,
 /// and fields of view of the two lenses differ by some tenths.
 const PRIOR_SIGMAS: [f64; 2] = [0.03, 0.1];
@@ -209,10 +207,10 @@ impl ColourState {
     /// Takes in how the features of a frame lie against its surfaces.
     pub(crate) fn apply_audit(&mut self, record: &ColourRecord) {
         self.n_frames = self.n_frames.saturating_add(1);
-        // The first frames count alike.
-        let share = LEAST_SHARE.max(1.0 / (f64::from(self.n_frames) + 1.0));
+        // The first frames count alike; later on it is the mean of some seconds.
+        let share = 1.0 / (f64::from(self.n_frames) + 1.0).min(AUDITED_EVERY as f64);
         self.own_nats = (self.own_nats + OWN_SHARE * record.nats).clamp(-MOST_NATS, MOST_NATS);
-        self.is_trusted = self.own_nats > if self.is_trusted { 0.0 } else { AGAIN_NATS };
+        self.is_trusted = self.own_nats > if self.is_trusted { 0.0 } else { FIRST_NATS };
         // The geometric mean: one frame of a blurred turn has ten times the residual of its neighbours.
         let ratio = record.residual_px.max(LEAST_RESIDUAL_PX) / self.residual_px;
         self.residual_px *= libm::pow(ratio, share);

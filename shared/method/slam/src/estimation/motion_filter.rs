@@ -16,16 +16,13 @@
 //! before where `q` is (Mehra, IEEE Trans. Automatic Control 1970): a smaller `q` leaves a lag behind. Both are
 //! followed in logarithms, for translation and rotation apart.
 
+use crate::estimation::FORGETTING;
 use crate::estimation::student::{FREEDOM, THREE_AXES};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 use std::ops::Range;
 use tessera_geometry::{Pose, Twist, Vector6, exp, log};
 
-/// Steps of the logarithms in the innovations' mean square and correlation: a memory of some 30 frames.
-const STEP: f64 = 0.03;
-/// Most that one frame adds to a logarithm, in steps.
-const MOST_STEPS: f64 = 2.0;
 /// Time between two frames of a usual camera, seconds.
 pub(crate) const FRAME_S: f64 = 1.0 / 30.0;
 /// Acceleration before anything is known, m/s^2 and rad/s^2, that lasts from one frame to the next.
@@ -184,8 +181,8 @@ impl MotionState {
             axes.clone().for_each(|k| innovation[k] *= weight.sqrt().min(1.0));
             let correlation = axes.map(|k| innovation[k] * self.innovation[k]).sum::<f64>() / 3.0;
             let excess = THREE_AXES.consistency * weight * squared / 3.0 - 1.0;
-            self.ln_scale[group] += STEP * excess.min(MOST_STEPS);
-            self.ln_density[group] += STEP * correlation.clamp(-MOST_STEPS, MOST_STEPS);
+            self.ln_scale[group] += FORGETTING * excess;
+            self.ln_density[group] += FORGETTING * correlation;
         }
         self.innovation = innovation;
     }
@@ -201,12 +198,12 @@ mod tests {
     }
 
     /// A camera whose velocity changes by `acceleration` (m/s^2 and rad/s^2 for a thirtieth of a second) and whose poses
-    /// err by `sigma`, where the alignment states `stated`: the state after a minute.
+    /// err by `sigma`, where the alignment states `stated`: the state after three minutes.
     fn filtered(acceleration: f64, sigma: f64, stated: f64) -> MotionState {
         let mut random = SplitMix64::for_frame(3, 1);
         let (mut state, t) = (MotionState::default(), 1.0 / 30.0);
         let (mut velocity, mut pose, mut found) = ([0.0; 6], [0.0; 6], [0.0; 6]);
-        for _ in 0..1800 {
+        for _ in 0..5400 {
             let mut after = [0.0; 6];
             let mut variance = [stated * stated; 6];
             let predicted = state.predict(&Pose::identity(), t);

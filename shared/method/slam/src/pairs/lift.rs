@@ -11,11 +11,6 @@ use tessera_geometry::Twist;
 use tessera_numerics::prefetch;
 use tessera_surface::{SurfaceView, Vertex};
 
-/// Cosine between ray and normal at least: beyond, a pixel more or less is another depth.
-const MIN_COSINE: f64 = 0.2;
-/// Change of depth from the vertex to the ray's point at most, as a share of the depth.
-const MAX_DEPTH_STEP: f64 = 0.1;
-
 /// A point moved by `exp(velocity seconds)`, as the series up to the second order.
 #[inline(always)]
 fn moved(p: &Vector3<f64>, velocity: &Twist, seconds: f64) -> Vector3<f64> {
@@ -127,12 +122,9 @@ impl Lifter<'_> {
         let normal = turned(&vector(vertex.normal), self.velocity, seconds);
         let along = normal.dot(direction);
         let cosine = along.abs() / (direction.norm() * normal.norm());
-        if !(cosine > MIN_COSINE) {
-            return None;
-        }
         let position = origin + direction * (normal.dot(&(on_surface - origin)) / along);
-        let is_near = (position.z - on_surface.z).abs() < MAX_DEPTH_STEP * on_surface.z;
-        is_near.then(|| (position, ((1.0 - cosine * cosine).max(0.0)).sqrt() / cosine))
+        // A ray along the surface meets it nowhere.
+        (position.z > 0.0).then(|| (position, ((1.0 - cosine * cosine).max(0.0)).sqrt() / cosine))
     }
 
     /// The vertex of the cell in which a point of the frame at its stamp is seen, and its row.

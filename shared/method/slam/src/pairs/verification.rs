@@ -54,7 +54,7 @@ pub(crate) fn test(
         LoopVerdict::LittleOverlap
     } else if !(in_front <= GlobalSettings::MAX_IN_FRONT) {
         LoopVerdict::FreeSpaceViolated
-    } else if !(inconsistency_sigmas <= GlobalSettings::MAX_INCONSISTENCY_SIGMAS) {
+    } else if !(inconsistency_sigmas <= GlobalSettings::LOOP_RESIDUAL_SIGMAS) {
         LoopVerdict::Inconsistent
     } else {
         LoopVerdict::Accepted

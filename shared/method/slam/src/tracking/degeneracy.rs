@@ -58,18 +58,15 @@ pub(crate) fn degenerate_directions(
     let block = |r: usize, c: usize| h.fixed_view::<3, 3>(r, c).into_owned();
     let (tt, tr, rr) = (block(0, 0), block(0, 3), block(3, 3));
     // A little information everywhere, far below any limit, keeps the inverses finite.
-    let floor = |limit: f64| Matrix3::identity() * (1e-4 / (limit * limit));
-    let (limit_m, limit_rad) =
-        (WindowSettings::FREE_TRANSLATION_M, WindowSettings::FREE_ROTATION_DEG.to_radians());
+    let limit = WindowSettings::FREE_SIGMA;
+    let floor = Matrix3::identity() * (1e-4 / (limit * limit));
     let schur = |a: &Matrix3<f64>, b: &Matrix3<f64>, d: &Matrix3<f64>| {
         d.try_inverse().map_or(*a, |inverse| a - b * inverse * b.transpose())
     };
-    let translation = schur(&tt, &tr, &(rr + floor(limit_rad)));
-    let rotation = schur(&rr, &tr.transpose(), &(tt + floor(limit_m)));
+    let translation = schur(&tt, &tr, &(rr + floor));
+    let rotation = schur(&rr, &tr.transpose(), &(tt + floor));
     let mut degenerate = Vec::new();
-    for (kind, matrix, limit) in
-        [(MotionKind::Translation, translation, limit_m), (MotionKind::Rotation, rotation, limit_rad)]
-    {
+    for (kind, matrix) in [(MotionKind::Translation, translation), (MotionKind::Rotation, rotation)] {
         let eigen = SymmetricEigen::new((matrix + matrix.transpose()) * 0.5);
         let best = 1.0 / eigen.eigenvalues.max().max(1e-12).sqrt();
         for (k, value) in eigen.eigenvalues.iter().enumerate() {

@@ -3,7 +3,6 @@
 
 use crate::map::records::State;
 use crate::map::state::{MOST_COASTED_S, RecentFrame};
-use crate::settings::WindowSettings;
 use crate::tracking::input::TrackingInput;
 use crate::tracking::prediction::Prediction;
 use nalgebra::Vector3;
@@ -23,7 +22,7 @@ pub(crate) fn place(input: &TrackingInput<'_>, world_from_camera: &Pose) -> Pred
         rotation_sigma_rad: None,
         motion: None,
         first_distance_m: window.max_first_distance_m,
-        outer_iterations: WindowSettings::RETRY_ITERATIONS,
+        outer_iterations: window.outer_iterations,
     }
 }
 
@@ -32,7 +31,7 @@ pub(crate) fn widened(input: &TrackingInput<'_>, prediction: &Prediction) -> Pre
     let window = &input.context.mapping.window;
     Prediction {
         first_distance_m: window.max_first_distance_m,
-        outer_iterations: WindowSettings::RETRY_ITERATIONS,
+        outer_iterations: window.outer_iterations,
         ..*prediction
     }
 }

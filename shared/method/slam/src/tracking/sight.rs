@@ -12,6 +12,7 @@ use crate::pairs::lift::lift;
 use crate::pairs::matching::{PairFinder, Reach, Seen};
 use crate::pairs::residuals;
 use crate::pairs::weighted_pair::{FeaturePair, WeightedPair};
+use crate::settings::WindowSettings;
 use crate::tracking::input::{FrameSurface, TrackingInput};
 use crate::tracking::observed::Observed;
 use crate::tracking::prediction::Reference;
@@ -19,7 +20,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use tessera_features::{Feature, Observation, PlaceIndex};
-use tessera_geometry::{Matrix6, Pose, Twist, Vector6, compose_normalised};
+use tessera_geometry::{Matrix6, Pose, Twist, compose_normalised};
 use tessera_graph::{BlockSums, PairBlock};
 use tessera_numerics::Step;
 use tessera_surface::SurfaceView;
@@ -379,15 +380,10 @@ pub(crate) struct Judged<'a> {
     pub(crate) parameters: ParameterMatrix,
 }
 
-/// Standard deviations of a relative pose beyond which the surfaces do not judge, metres and radians.
-const JUDGED_M: f64 = 0.002;
-const JUDGED_RAD: f64 = 0.002;
-
-/// The relative pose by the surfaces alone; as aligned where they hardly hold it.
+/// The relative pose by the surfaces alone; as aligned where they leave it free.
 fn by_surfaces(judged: &Judged<'_>) -> Pose {
     let block = PairBlock::new(&judged.origin, judged.sums);
-    let (t, r) = (judged.factor / (JUDGED_M * JUDGED_M), judged.factor / (JUDGED_RAD * JUDGED_RAD));
-    let prior = Matrix6::from_diagonal(&Vector6::new(t, t, t, r, r, r));
+    let prior = Matrix6::identity() * (judged.factor / WindowSettings::FREE_SIGMA.powi(2));
     let (h, g, _) = block.linearise(&judged.target_from_query);
     let step = (h + prior).cholesky().map(|factor| -factor.solve(&g));
     step.map_or(judged.target_from_query, |step| {
