@@ -5,9 +5,9 @@
 //! likelihood) are applied where their own deviations tell that they are not zero; the readout
 //! ([`crate::estimation::readout`]) where they tell that what is applied is wrong.
 
-use crate::estimation::FORGETTING;
 use crate::estimation::colour_pose::{ColourParameters, ParameterMatrix, ParameterSums};
 use crate::estimation::readout::{ReadoutRecord, ReadoutState};
+use crate::estimation::{CHI_SQUARE_6, FALSE_ALARMS, FORGETTING};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::Camera;
@@ -103,8 +103,6 @@ pub type CameraEvidence<'a> =
 const FIRST_NATS: f64 = 1.0;
 /// Share of a frame's evidence that is its own: those of frames that follow each other correlate by half.
 const OWN_SHARE: f64 = 1.0 / 3.0;
-/// Log odds, at most, as if colour went wrong, or right, in one of a thousand frames.
-const MOST_NATS: f64 = 7.0;
 /// Residual before the first frame, pixels.
 const FIRST_RESIDUAL_PX: f64 = 4.0;
 /// A frame's residual counts as this at least, pixels: what corners are found to.
@@ -120,8 +118,6 @@ const PROBATION_FRAMES: u32 = 2;
 const PRIOR_SIGMAS: [f64; 2] = [0.03, 0.1];
 /// Standard deviations of what a camera file states: on two recordings of one camera the lag differs by 2 ms.
 pub(crate) const STATED_SIGMAS: [f64; 2] = [0.003, 0.005];
-/// Standard deviations beyond which a parameter is not zero: one in 10^6.
-const CERTAIN_SIGMAS: f64 = 4.9;
 /// Standard deviations below which it may well be zero: one in 100.
 const DOUBTED_SIGMAS: f64 = 2.6;
 
@@ -209,7 +205,9 @@ impl ColourState {
         self.n_frames = self.n_frames.saturating_add(1);
         // The first frames count alike; later on it is the mean of some seconds.
         let share = 1.0 / (f64::from(self.n_frames) + 1.0).min(AUDITED_EVERY as f64);
-        self.own_nats = (self.own_nats + OWN_SHARE * record.nats).clamp(-MOST_NATS, MOST_NATS);
+        // At most as if colour went wrong, or right, in so many frames.
+        let most_nats = -libm::log(FALSE_ALARMS);
+        self.own_nats = (self.own_nats + OWN_SHARE * record.nats).clamp(-most_nats, most_nats);
         self.is_trusted = self.own_nats > if self.is_trusted { 0.0 } else { FIRST_NATS };
         // The geometric mean: one frame of a blurred turn has ten times the residual of its neighbours.
         let ratio = record.residual_px.max(LEAST_RESIDUAL_PX) / self.residual_px;
@@ -283,7 +281,8 @@ impl ColourState {
 
 /// Value of a parameter to apply: it changes when it must, not with each keyframe.
 fn chosen([value, sigma]: [f64; 2], applied: f64) -> f64 {
-    let certain = if applied == 0.0 { CERTAIN_SIGMAS } else { DOUBTED_SIGMAS };
+    // Of one dimension it is one in 470,000 that is zero.
+    let certain = if applied == 0.0 { CHI_SQUARE_6.sqrt() } else { DOUBTED_SIGMAS };
     match value.abs() > certain * sigma {
         true if applied != 0.0 && (value - applied).abs() < sigma => applied,
         true => value,

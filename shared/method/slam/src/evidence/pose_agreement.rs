@@ -7,9 +7,7 @@ use tessera_geometry::{
     Matrix6, Pose, PoseBits, Vector6, adjoint, from_upper_triangle, log, translation_rotation_norms,
 };
 
-/// Bound of the squared distance of two poses that agree: the chi-square of six dimensions at an error rate of one
-/// in a thousand, the rate at which poses that agree are refused.
-pub(crate) const CHI_SQUARE_6: f64 = 22.458;
+pub(crate) use crate::estimation::CHI_SQUARE_6;
 
 /// Numbers of the upper triangle of a 6x6 matrix.
 const N_UPPER: usize = 21;

@@ -12,6 +12,9 @@ pub(crate) struct ViewLimits {
     pub(crate) angle_rad: f64,
 }
 
+/// Views that look at the same: a pair is aligned from where the map has it, and shares features.
+pub(crate) const SAME_VIEW: ViewLimits = ViewLimits { radius_m: 0.7, angle_rad: 25.0_f64.to_radians() };
+
 impl ViewLimits {
     /// The views within the limits of one with this centre and optical axis, nearest first, each
     /// with its score `distance / radius + angle / limit`. `others` yields names and centres in the

@@ -8,6 +8,10 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 use tessera_geometry::Pose;
 
+/// Views that may share surfaces.
+pub(crate) const LIMITS: ViewLimits =
+    ViewLimits { radius_m: GlobalSettings::RADIUS_M, angle_rad: GlobalSettings::ANGLE_DEG.to_radians() };
+
 /// Pairs `(newer, older)`, sorted by the older: consecutive keyframes, and for each keyframe its neighbours,
 /// half of them nearest in pose and half nearest among those far away in index (nearest alone
 /// picks neighbours in time). Where another run or another submap goes on, consecutive keyframes may be
@@ -102,8 +106,7 @@ fn of_one(
     (views, origins): (&Views, &[Origin]),
     kept: &KeptPairs,
 ) -> impl Iterator<Item = (usize, usize)> + use<> {
-    let limits =
-        ViewLimits { radius_m: GlobalSettings::RADIUS_M, angle_rad: GlobalSettings::ANGLE_DEG.to_radians() };
+    let limits = LIMITS;
     let half = GlobalSettings::NEIGHBOURS.div_ceil(2);
     // By as much as drift may have moved a pair: what takes the place of a kept neighbour is nearer by more.
     let lead = GlobalSettings::FIRST_DISTANCE_M / GlobalSettings::RADIUS_M;

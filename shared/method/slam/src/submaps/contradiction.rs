@@ -9,7 +9,7 @@ use crate::map::records::{JoinRecord, LoopVerdict};
 use crate::map::state::{KeyframeState, TrackerState};
 use crate::map::submaps::Origin;
 use crate::map::surfaces::KeyframeSurfaces;
-use crate::map::view_limits::{ViewLimits, optical_axis};
+use crate::map::view_limits::{SAME_VIEW, optical_axis};
 use crate::pairs::covisibility;
 use crate::pairs::matchable::Matchable;
 use crate::pairs::matching::{PairFinder, Reach};
@@ -24,8 +24,6 @@ use tessera_registration::{Matcher, Sampler};
 
 /// Pairs of keyframes that are asked across a join, and as many of both parts by themselves, at most.
 const MOST_ASKED: usize = 100;
-/// Views that share features wherever they show the same place.
-const SAME_VIEW: ViewLimits = ViewLimits { radius_m: 0.5, angle_rad: 20.0_f64.to_radians() };
 /// What is about the place at which two components are joined, metres: both have drifted in themselves.
 const ABOUT_M: f64 = 6.0;
 

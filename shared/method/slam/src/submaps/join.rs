@@ -11,7 +11,7 @@ use crate::pairs::matchable::Matchable;
 use crate::pairs::verification::{self, Tested};
 use crate::settings::GlobalSettings;
 use crate::submaps::contradiction;
-use crate::tracking::acceptance::{self, STRICT};
+use crate::tracking::acceptance;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::covariance;
 use crate::tracking::found_place::{self, Shown};
@@ -153,7 +153,7 @@ pub(crate) fn seen_at(
     let guess = Prediction { velocity, ..place(&other, expected) };
     let members = nearby_keyframes(&other, expected, usize::MAX);
     let found = align_to(&other, aligner, members, other.samples, &guess);
-    acceptance::strict(&STRICT, &found.alignment).ok()?;
+    acceptance::strict(&found.alignment).ok()?;
     Some(found)
 }
 

@@ -55,17 +55,14 @@ pub(crate) struct StrictLimits {
 
 pub(crate) const STRICT: StrictLimits =
     StrictLimits { in_view: 0.3, matched: 0.5, in_front: 0.1, residual_sigmas: 0.7 };
-/// For the first alignment of a candidate.
-pub(crate) const COARSE: StrictLimits =
-    StrictLimits { in_view: 0.24, matched: 0.35, in_front: 0.2, residual_sigmas: 1.05 };
 
 /// Strict tests, for a frame that may be anywhere: the best reference sees enough of it, nearly all
 /// of that matches, and almost nothing violates free space.
-pub(crate) fn strict(r: &StrictLimits, a: &Alignment) -> Result<ReferenceFit, Cause> {
+pub(crate) fn strict(a: &Alignment) -> Result<ReferenceFit, Cause> {
     if !a.is_solved {
         return Err(Cause::Unsolved);
     }
-    let fit = best_fit(a);
+    let (r, fit) = (&STRICT, best_fit(a));
     if a.n_agreeing >= MIN_FEATURES && fit.in_front <= r.in_front {
         return Ok(ReferenceFit { n_agreeing: Some(a.n_agreeing), ..fit });
     }

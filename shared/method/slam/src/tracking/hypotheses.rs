@@ -7,10 +7,10 @@
 
 use crate::map::cause::Cause;
 use crate::settings::WindowSettings;
-use crate::tracking::acceptance::{self, STRICT};
+use crate::tracking::acceptance;
 use crate::tracking::alignment::{Aligner, Alignment};
 use crate::tracking::input::TrackingInput;
-use crate::tracking::motion_model::{place, widened};
+use crate::tracking::motion_model::widened;
 use crate::tracking::prediction::Prediction;
 use crate::tracking::rotation_hypothesis;
 use crate::tracking::start::{FeatureStart, guess_from_features};
@@ -41,12 +41,12 @@ enum Acceptance {
 struct Hypothesis {
     after: Decision,
     /// Initial guess and its search settings.
-    guess: fn(&TrackingInput<'_>, &mut Aligner, &Prediction) -> Option<Prediction>,
+    guess: fn(&TrackingInput<'_>, &mut Aligner, &Prediction) -> Prediction,
     acceptance: Acceptance,
 }
 
 /// In the order in which they are tried; the first that is accepted counts.
-const HYPOTHESES: [Hypothesis; 3] = [
+const HYPOTHESES: [Hypothesis; 2] = [
     // A camera that turned faster than predicted may have come to rest in a local minimum.
     Hypothesis { after: Decision::Doubtful, guess: rotated_prediction, acceptance: Acceptance::MoreSupport },
     Hypothesis {
@@ -54,7 +54,6 @@ const HYPOTHESES: [Hypothesis; 3] = [
         guess: rotated_last_pose,
         acceptance: Acceptance::WellConditioned,
     },
-    Hypothesis { after: Decision::Rejected, guess: last_keyframe, acceptance: Acceptance::WellConditioned },
 ];
 
 /// Aligns a frame that follows a tracked one. The error is why the prediction was rejected.
@@ -131,7 +130,7 @@ fn track_from(
         }
     }
     let passed = acceptance::tracking(&input.context.mapping.window, &first.alignment);
-    let is_strict = acceptance::strict(&STRICT, &first.alignment).is_ok();
+    let is_strict = acceptance::strict(&first.alignment).is_ok();
     let verdict = match (is_strict, prediction.is_known && passed.is_ok()) {
         (true, _) => Decision::Accepted,
         // What features agree on is no guess of the motion.
@@ -156,9 +155,9 @@ impl Hypothesis {
         prediction: &Prediction,
         first: &WindowAlignment,
     ) -> Option<WindowAlignment> {
-        let guess = (self.guess)(input, aligner, prediction)?;
+        let guess = (self.guess)(input, aligner, prediction);
         let found = align_to_window(input, aligner, &guess);
-        let is_good = acceptance::strict(&STRICT, &found.alignment).is_ok()
+        let is_good = acceptance::strict(&found.alignment).is_ok()
             && self.acceptance.is_met(&found.alignment, &first.alignment);
         is_good.then_some(found)
     }
@@ -178,9 +177,9 @@ fn rotated_prediction(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
     prediction: &Prediction,
-) -> Option<Prediction> {
+) -> Prediction {
     let wide = Prediction { is_known: false, ..widened(input, prediction) };
-    Some(rotation_hypothesis::best_rotation(input, aligner, &wide))
+    rotation_hypothesis::best_rotation(input, aligner, &wide)
 }
 
 /// The last pose with the rotation that a gyroscope measured, or that has most support.
@@ -188,7 +187,7 @@ fn rotated_last_pose(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
     prediction: &Prediction,
-) -> Option<Prediction> {
+) -> Prediction {
     let mut guess = widened(input, prediction);
     if let Some(last) = input.map.state().recent.last() {
         guess.world_from_camera = Pose::from(&last.world_from_camera);
@@ -197,11 +196,5 @@ fn rotated_last_pose(
             guess.world_from_camera.rotation = prediction.world_from_camera.rotation;
         }
     }
-    Some(rotation_hypothesis::best_rotation(input, aligner, &guess))
-}
-
-/// The pose of the last keyframe that this run made.
-fn last_keyframe(input: &TrackingInput<'_>, _: &mut Aligner, _: &Prediction) -> Option<Prediction> {
-    let keyframe = input.map.last_own_keyframe();
-    keyframe.map(|k| place(input, &Pose::from(&k.world_from_camera)))
+    rotation_hypothesis::best_rotation(input, aligner, &guess)
 }

@@ -7,6 +7,7 @@
 //! Where relocalisation was asked for, the last pose is no candidate until a place is found.
 
 use crate::evidence::pose_agreement::FAR_VOLUME;
+use crate::evidence::same_place::LEAST_OF_POSE;
 use crate::evidence::sequential::{SequentialTest, TestVerdict};
 use crate::map::appearance::similarity;
 use crate::map::cause::{CandidatePlace, Cause};
@@ -14,7 +15,7 @@ use crate::map::records::{FrameRecord, State};
 use crate::map::state::KeyframeState;
 use crate::pairs::keyframe_pair::MIN_FEATURES;
 use crate::pairs::matching::Reach;
-use crate::tracking::acceptance::{self, STRICT};
+use crate::tracking::acceptance;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::found_place::{self, Shown};
 use crate::tracking::input::TrackingInput;
@@ -25,11 +26,6 @@ use crate::tracking::window_alignment::{
     WindowAlignment, align_coarse_to_fine, align_to, nearby_keyframes, reference,
 };
 use tessera_geometry::Pose;
-
-/// Newest keyframes whose features are matched.
-const N_NEWEST: usize = 2;
-/// Words of a frame that a keyframe shows at least to be tried.
-const MIN_WORDS: usize = 4;
 
 /// A pose from which an alignment is tried.
 struct Candidate {
@@ -72,7 +68,7 @@ pub(crate) fn confirm(
     let shown = found_place::shown(input, aligner, &found).ok_or(Cause::NoKeyframe)?;
     match shown {
         Shown::Evidence(_) => acceptance::tracking(&input.context.mapping.window, &found.alignment)?,
-        Shown::SurfacesAlone => acceptance::strict(&STRICT, &found.alignment).map(drop)?,
+        Shown::SurfacesAlone => acceptance::strict(&found.alignment).map(drop)?,
     }
     let test = found_place::with_frame(input, aligner, &found, shown);
     if test.sum_nats <= 0.0 {
@@ -161,7 +157,7 @@ pub(crate) fn glimpse(
 fn recognised(input: &TrackingInput<'_>, aligner: &mut Aligner, keyframes: &[&KeyframeState]) -> Vec<u32> {
     let is_asked = |k: &KeyframeState| keyframes.binary_search_by_key(&k.id, |asked| asked.id).is_ok();
     let n = input.context.mapping.relocalise.n_recognised as usize;
-    aligner.sight.recognise_frame(input, [n, MIN_WORDS], is_asked)
+    aligner.sight.recognise_frame(input, [n, LEAST_OF_POSE], is_asked)
 }
 
 /// A candidate that passed.
@@ -212,7 +208,7 @@ fn supposed_candidates(
 }
 
 /// Poses of the camera by the features of keyframes, the most inliers first: the keyframes that
-/// show most of them, the newest, and others in turn.
+/// show most of them, the newest one, and the others in turn.
 fn seen_candidates(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
@@ -223,9 +219,9 @@ fn seen_candidates(
         return Vec::new();
     }
     let known = recognised(input, aligner, keyframes);
-    let newest = keyframes.iter().rev().take(N_NEWEST).map(|k| k.id);
-    let in_turn = keyframes.get(N_NEWEST * turn % keyframes.len().max(1));
-    let mut ids: Vec<u32> = known.into_iter().chain(newest).chain(in_turn.map(|k| k.id)).collect();
+    let in_turn = keyframes.get(turn % keyframes.len().max(1));
+    let mut ids: Vec<u32> =
+        known.into_iter().chain([keyframes.last(), in_turn].into_iter().flatten().map(|k| k.id)).collect();
     ids.sort_unstable();
     ids.dedup();
     candidates_by_features(input, aligner, &ids, 0)

@@ -3,7 +3,8 @@
 use crate::estimation::colour_model::{ColourModel, LEAST_RESIDUAL_PX};
 use crate::estimation::colour_pose::ParameterMatrix;
 use crate::estimation::noise_scales::NoiseScales;
-use crate::evidence::same_place::{self, AGREES_SQ};
+use crate::evidence::pose_agreement::CHI_SQUARE_6;
+use crate::evidence::same_place;
 use crate::map::context::Context;
 use crate::map::state::KeyframeState;
 use crate::pairs::colour_coupling::coupling;
@@ -266,7 +267,7 @@ impl Sight {
             // With fewer it cannot have most.
             if inliers.len() > most {
                 let at = reference.world_from_camera.inverse() * world_from_camera;
-                most = most.max(residuals::n_within(inliers, &at, AGREES_SQ));
+                most = most.max(residuals::n_within(inliers, &at, CHI_SQUARE_6));
             }
         }
         most as u32
@@ -336,7 +337,7 @@ impl Sight {
     /// Features of a pair already found that agree with a relative pose, `target_from_query`.
     pub(crate) fn n_agreeing_with(&self, key: SurfaceKey, at: &Pose) -> usize {
         let Some(Some(pair)) = self.pairs.get(&key) else { return 0 };
-        residuals::n_within(&pair.inliers, at, AGREES_SQ)
+        residuals::n_within(&pair.inliers, at, CHI_SQUARE_6)
     }
 
     /// Judges the features that the frame shares with a keyframe by the pose that surfaces give.
