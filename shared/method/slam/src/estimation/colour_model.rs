@@ -107,8 +107,6 @@ const OWN_SHARE: f64 = 1.0 / 3.0;
 const FIRST_RESIDUAL_PX: f64 = 4.0;
 /// A frame's residual counts as this at least, pixels: what corners are found to.
 pub(crate) const LEAST_RESIDUAL_PX: f64 = 0.5;
-/// Residual from which on features are no start for the surfaces, pixels.
-const VAGUE_PX: f64 = 10.0;
 /// One of so many frames is audited, once the first were, and so many audits are in the running mean.
 pub(crate) const AUDITED_EVERY: u64 = 8;
 /// Frames in which colour is on probation.
@@ -247,10 +245,9 @@ impl ColourState {
     }
 
     /// Whether features are no start where the surfaces suffice: too few frames were judged, and colour
-    /// of another scene that leads takes weak surfaces along and is found out late; or colour agrees
-    /// with depth too roughly.
+    /// of another scene that leads takes weak surfaces along and is found out late.
     pub(crate) fn is_on_probation(&self) -> bool {
-        self.is_trusted() && (self.n_frames < PROBATION_FRAMES || self.residual_px > VAGUE_PX)
+        self.is_trusted() && self.n_frames < PROBATION_FRAMES
     }
 
     /// Covariance of lag and ratio before anything is measured: how far a camera's own colour may lie from its depth.

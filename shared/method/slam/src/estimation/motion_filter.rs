@@ -32,8 +32,6 @@ const START_VELOCITY: [f64; 2] = [1.5, 1.5];
 /// Standard deviation of a rotation between two frames that no gyroscope falls below, radians: its axes and the camera's
 /// differ a little.
 const INERTIAL_FLOOR_RAD: f64 = 0.2_f64.to_radians();
-/// An alignment that tells nothing along an axis leaves this share of the variance predicted for it.
-const NOTHING: f64 = 0.999;
 
 /// Velocity and its noise levels as of all frames so far. Arrays by axis: along x, y, z, and about them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -163,7 +161,8 @@ impl MotionState {
         let scale = self.scale();
         std::array::from_fn(|k| {
             let [pp, pv, vv] = self.ahead(k, seconds);
-            let updated = (scale[k / 3] * stated[k]).min(NOTHING * pp);
+            // However little an alignment tells, it is no less than what is forgotten.
+            let updated = (scale[k / 3] * stated[k]).min((1.0 - FORGETTING) * pp);
             let gain = 1.0 - updated / pp;
             let step = (velocity[k] - self.velocity[k]) * seconds;
             self.velocity[k] += pv / pp * step;

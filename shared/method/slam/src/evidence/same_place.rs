@@ -59,7 +59,6 @@ pub struct PlaceEvidence {
 impl PlaceEvidence {
     /// From the matches of a pair at its optimum, and their information of the pose, without features.
     pub(crate) fn of_surfaces(report: &PairReport, information: &Matrix6) -> Self {
-        let share = |part: u32, whole: u32| f64::from(part) / f64::from(whole.max(1));
         let translation = information.fixed_view::<3, 3>(0, 0).into_owned();
         let least = SymmetricEigen::new((translation + translation.transpose()) * 0.5).eigenvalues.min();
         let trace = translation.trace();
@@ -67,9 +66,9 @@ impl PlaceEvidence {
             n_agreeing: None,
             agreeing: 0.0,
             missing: 0.0,
-            overlap: share(report.n_in_view, report.n_queries),
-            matched: share(report.n_matches, report.n_in_view),
-            in_front: share(report.n_in_front, report.n_in_view),
+            overlap: report.in_view(),
+            matched: report.matched(),
+            in_front: report.in_front(),
             residual_sigmas: f64::from(report.median_residual_sigmas),
             shape: if trace > 0.0 { least.max(0.0) / trace } else { 0.0 },
         }

@@ -27,28 +27,24 @@ impl ViewLimits {
         others: impl Iterator<Item = (Name, Vector3<f64>)>,
         axis_of: impl Fn(Name) -> Vector3<f64>,
     ) -> Vec<(f64, Name)> {
-        let mut near = self.within(centre, axis, others, axis_of);
-        near.sort_by(by_score);
-        near
-    }
-
-    /// As [`Self::nearest`], in the order of `others`.
-    pub(crate) fn within<Name: Copy>(
-        &self,
-        centre: &Vector3<f64>,
-        axis: &Vector3<f64>,
-        others: impl Iterator<Item = (Name, Vector3<f64>)>,
-        axis_of: impl Fn(Name) -> Vector3<f64>,
-    ) -> Vec<(f64, Name)> {
         let least_dot = self.least_dot();
-        others
+        let mut near: Vec<(f64, Name)> = others
             .filter(|(_, other)| (other - centre).norm_squared() <= self.radius_m * self.radius_m)
             .filter(|(name, _)| axis_of(*name).dot(axis) >= least_dot)
             .filter_map(|(name, other)| {
                 let (apart_sq, dot) = ((other - centre).norm_squared(), axis_of(name).dot(axis));
                 Some((self.score(apart_sq, dot)?, name))
             })
-            .collect()
+            .collect();
+        near.sort_by(by_score);
+        near
+    }
+
+    /// Whether two views, `world_from_camera` each, are within the limits.
+    pub(crate) fn hold(&self, a: &Pose, b: &Pose) -> bool {
+        let apart_sq = (b.translation.vector - a.translation.vector).norm_squared();
+        let dot = optical_axis(b).dot(&optical_axis(a));
+        apart_sq <= self.radius_m * self.radius_m && self.score(apart_sq, dot).is_some()
     }
 
     /// The cosine below which views look elsewhere: most do, which takes no arc cosine to tell.

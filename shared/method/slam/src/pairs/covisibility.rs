@@ -70,11 +70,8 @@ impl Views {
 
 fn cube(centre: &Vector3<f64>) -> [i64; 3] {
     // What is farther away than an i32 counts, or not finite, has no neighbours anyway.
-    [0, 1, 2].map(|k| i64::from((centre[k] / CUBE_M).floor() as i32))
+    [0, 1, 2].map(|k| i64::from((centre[k] / GlobalSettings::RADIUS_M).floor() as i32))
 }
-
-/// Edge of a cube, metres: a little more than neighbours reach, whatever is rounded.
-const CUBE_M: f64 = 1.001 * GlobalSettings::RADIUS_M;
 
 /// Pairs that are kept from before: the older keyframes of each newer one, rising.
 struct KeptPairs {

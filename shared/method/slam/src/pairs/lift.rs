@@ -8,7 +8,6 @@ use crate::map::context::Context;
 use nalgebra::Vector3;
 use tessera_features::{Feature, Observation, PointEstimate};
 use tessera_geometry::Twist;
-use tessera_numerics::prefetch;
 use tessera_surface::{SurfaceView, Vertex};
 
 /// A point moved by `exp(velocity seconds)`, as the series up to the second order.
@@ -57,18 +56,12 @@ impl pulp::WithSimd for Lift<'_> {
     fn with_simd<S: pulp::Simd>(self, _simd: S) -> Vec<Observation> {
         let Self { lifter, features } = self;
         let mut observations = Vec::with_capacity(features.len());
-        for (place, feature) in features.iter().enumerate() {
-            if let Some(next) = features.get(place + AHEAD) {
-                lifter.read_ahead(next);
-            }
+        for feature in features {
             observations.push(lifter.observe(feature));
         }
         observations
     }
 }
-
-/// So many features before a feature's turn its vertex is asked for.
-const AHEAD: usize = 8;
 
 struct Lifter<'a> {
     context: &'a Context,
@@ -145,24 +138,9 @@ impl Lifter<'_> {
         self.context.colour.pixel_of_depth(&self.context.camera, row, column)
     }
 
-    #[inline(always)]
-    fn read_ahead(&self, feature: &Feature) {
-        let [row, column] = self.pixel_of_depth(feature);
-        if let Some((vertex, _)) = self.cell_at(row, column) {
-            prefetch(vertex);
-        }
-    }
-
     /// The vertex of the cell of a pixel of the depth image, and its row.
     #[inline(always)]
     fn vertex_at(&self, row: f64, column: f64) -> Option<(Vertex, usize)> {
-        let (vertex, row) = self.cell_at(row, column)?;
-        vertex.is_inner().then_some((*vertex, row))
-    }
-
-    /// As [`Self::vertex_at`], whatever the vertex is; its memory is not read.
-    #[inline(always)]
-    fn cell_at(&self, row: f64, column: f64) -> Option<(&Vertex, usize)> {
         let grid = self.context.grid;
         let cell = |pixel: f64, n: usize| {
             let place = ((pixel - self.context.offset_px) / grid.step as f64 + 0.5).floor();
@@ -170,6 +148,6 @@ impl Lifter<'_> {
         };
         let (row, column) = (cell(row, grid.height)?, cell(column, grid.width)?);
         let vertex = self.surface.vertices.get(row * grid.width + column)?;
-        Some((vertex, row))
+        vertex.is_inner().then_some((*vertex, row))
     }
 }

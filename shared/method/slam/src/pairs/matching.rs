@@ -39,6 +39,8 @@ impl Reach {
     /// About a pose that other features agree on.
     pub(crate) const KNOWN: Self = Self { radius_px: Some(16.0), max_iterations: 2 };
     /// About the poses of two keyframes.
+    pub(crate) const KEYFRAMES: Self = Self { radius_px: Some(45.0), max_iterations: 50 };
+    /// About the poses of two keyframes between which drift has grown.
     pub(crate) const LOOP: Self = Self { radius_px: Some(60.0), max_iterations: 50 };
 }
 

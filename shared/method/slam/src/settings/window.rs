@@ -65,8 +65,8 @@ impl WindowSettings {
     pub const EARLY_SHARE: f64 = 0.3;
     /// Outer iterations from a start that is at a solution, or not far from one.
     pub const REFINING_ITERATIONS: u32 = 3;
-    /// Pose change below which the schedule skips to its last, tightest step, metres (and radians).
-    pub const CONVERGED_STEP: f64 = 2e-4;
+    /// Pose change that no sensor resolves, metres and radians: below it the schedule skips to its last, tightest step.
+    pub const CONVERGED_STEP: f64 = 1e-4;
     /// A translation, or a rotation, is free when its matches claim a larger standard deviation, metres or radians, and
     /// it is [`Self::FREE_RATIO`] times that of the best known one.
     pub const FREE_SIGMA: f64 = 0.0015;

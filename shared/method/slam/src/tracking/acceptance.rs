@@ -31,11 +31,10 @@ pub(crate) fn tracking(w: &WindowSettings, a: &Alignment) -> Result<(), Cause> {
 /// Shares and residual against the reference with most matches.
 fn best_fit(a: &Alignment) -> ReferenceFit {
     let best = a.reports.iter().max_by_key(|report| report.n_matches).copied().unwrap_or_default();
-    let share = |part: u32, whole: u32| f64::from(part) / f64::from(whole.max(1));
     ReferenceFit {
-        in_view: share(best.n_in_view, best.n_queries),
-        matched: share(best.n_matches, best.n_in_view),
-        in_front: share(best.n_in_front, best.n_in_view),
+        in_view: best.in_view(),
+        matched: best.matched(),
+        in_front: best.in_front(),
         residual_sigmas: f64::from(best.median_residual_sigmas),
         n_agreeing: None,
     }

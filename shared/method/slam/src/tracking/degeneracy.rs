@@ -5,7 +5,6 @@
 //! about a camera far from it, rotation and translation are nearly the same thing.
 
 use crate::estimation::motion_filter::FRAME_S;
-use crate::evidence::pose_agreement::LEAST_SIGMA;
 use crate::map::cause::{DegenerateMotion, MotionKind};
 use crate::map::context::Context;
 use crate::settings::WindowSettings;
@@ -106,7 +105,7 @@ fn direction(
 /// frame that the prediction goes by; 0 where it is no prediction but a place.
 pub(crate) fn hold(degenerate: &[DegenerateDirection], seconds: f64) -> Matrix6 {
     let frames = (seconds / FRAME_S).max(1.0);
-    let sigma = LEAST_SIGMA * frames * frames;
+    let sigma = WindowSettings::CONVERGED_STEP * frames * frames;
     let mut held = Matrix6::zeros();
     for f in degenerate {
         held += f.coordinate * f.coordinate.transpose() / (sigma * sigma);

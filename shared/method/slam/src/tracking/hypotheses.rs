@@ -1,14 +1,12 @@
 //! Tracking from the frame before: the prediction, and the hypotheses tried where it is in doubt
 //! (method 6).
 //!
-//! A hypothesis is an entry of [`HYPOTHESES`]: when it is tried, its initial guess with its search settings, and
-//! what a result must show beside the strict tests. One loop walks the table. What fits nowhere about the last pose is
-//! left to relocalisation.
+//! What fits nowhere about the last pose is left to relocalisation.
 
 use crate::map::cause::Cause;
 use crate::settings::WindowSettings;
 use crate::tracking::acceptance;
-use crate::tracking::alignment::{Aligner, Alignment};
+use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
 use crate::tracking::motion_model::widened;
 use crate::tracking::prediction::Prediction;
@@ -27,34 +25,6 @@ enum Decision {
     /// It failed, or no motion was known that could be tested.
     Rejected,
 }
-
-/// Condition on a result beside the strict tests.
-#[derive(Clone, Copy, Debug)]
-enum Acceptance {
-    /// More inliers, less free-space violations, than the alignment from the prediction has.
-    MoreSupport,
-    /// No degenerate direction: along one the result is the initial guess, which predicts nothing.
-    WellConditioned,
-}
-
-/// One way in which a frame may have moved.
-struct Hypothesis {
-    after: Decision,
-    /// Initial guess and its search settings.
-    guess: fn(&TrackingInput<'_>, &mut Aligner, &Prediction) -> Prediction,
-    acceptance: Acceptance,
-}
-
-/// In the order in which they are tried; the first that is accepted counts.
-const HYPOTHESES: [Hypothesis; 2] = [
-    // A camera that turned faster than predicted may have come to rest in a local minimum.
-    Hypothesis { after: Decision::Doubtful, guess: rotated_prediction, acceptance: Acceptance::MoreSupport },
-    Hypothesis {
-        after: Decision::Rejected,
-        guess: rotated_last_pose,
-        acceptance: Acceptance::WellConditioned,
-    },
-];
 
 /// Aligns a frame that follows a tracked one. The error is why the prediction was rejected.
 pub(crate) fn track(
@@ -138,38 +108,34 @@ fn track_from(
         (false, true) => Decision::Doubtful,
         (false, false) => Decision::Rejected,
     };
-    for hypothesis in HYPOTHESES.iter().filter(|h| h.after == verdict) {
-        if let Some(found) = hypothesis.test(input, aligner, prediction, &first) {
-            return Ok(found);
+    let other = match verdict {
+        Decision::Accepted => None,
+        // A camera that turned faster than predicted may have come to rest in a local minimum.
+        Decision::Doubtful => {
+            let guess = rotated_prediction(input, aligner, prediction);
+            strictly_aligned(input, aligner, &guess)
+                .filter(|found| found.alignment.support() > first.alignment.support())
         }
+        // Along a degenerate direction the result would be the initial guess, which predicts nothing.
+        Decision::Rejected => {
+            let guess = rotated_last_pose(input, aligner, prediction);
+            strictly_aligned(input, aligner, &guess).filter(|found| found.alignment.degenerate.is_empty())
+        }
+    };
+    if let Some(found) = other {
+        return Ok(found);
     }
     if verdict == Decision::Accepted { Ok(first) } else { passed.map(|()| first) }
 }
 
-impl Hypothesis {
-    /// The result, where it is accepted.
-    fn test(
-        &self,
-        input: &TrackingInput<'_>,
-        aligner: &mut Aligner,
-        prediction: &Prediction,
-        first: &WindowAlignment,
-    ) -> Option<WindowAlignment> {
-        let guess = (self.guess)(input, aligner, prediction);
-        let found = align_to_window(input, aligner, &guess);
-        let is_good = acceptance::strict(&found.alignment).is_ok()
-            && self.acceptance.is_met(&found.alignment, &first.alignment);
-        is_good.then_some(found)
-    }
-}
-
-impl Acceptance {
-    fn is_met(self, found: &Alignment, first: &Alignment) -> bool {
-        match self {
-            Self::MoreSupport => found.support() > first.support(),
-            Self::WellConditioned => found.degenerate.is_empty(),
-        }
-    }
+/// The frame aligned from a guess; `None` where it does not pass the strict tests.
+fn strictly_aligned(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    guess: &Prediction,
+) -> Option<WindowAlignment> {
+    let found = align_to_window(input, aligner, guess);
+    acceptance::strict(&found.alignment).is_ok().then_some(found)
 }
 
 /// The prediction with the rotation that has most support.

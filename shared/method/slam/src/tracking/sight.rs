@@ -32,11 +32,8 @@ pub(crate) const ENOUGH_FEATURES: usize = 100;
 /// Names a surface: as [`Reference::key`].
 pub(crate) type SurfaceKey = (bool, u64);
 
-/// Surfaces of which observations, or trees, are kept beside those of this frame.
-pub(crate) const SURFACES_KEPT: usize = 24;
-/// Keyframes whose ids differ by no more show the same place, and so many are looked at for each.
+/// Keyframes whose ids differ by no more show the same place.
 pub(crate) const NEAR_IN_TIME: u32 = 4;
-const NEIGHBOURS: usize = 10;
 
 /// Pairs with references, those without a result too.
 type Pairs = BTreeMap<SurfaceKey, Option<Arc<FeaturePair>>>;
@@ -105,6 +102,8 @@ impl Sight {
     ) {
         self.is_repeated =
             !frame.features.is_empty() && before.is_some_and(|before| before.features == frame.features);
+        // What the frame before asked for may be asked for again.
+        self.known.retain(|_, known| known.asked_by == self.index);
         self.index = frame.index;
         self.velocity = *velocity;
         self.pairs.clear();
@@ -194,7 +193,9 @@ impl Sight {
             return Vec::new();
         }
         let is_admitted = |id: u32| admitted.get(id as usize) == Some(&true);
-        let found = places.find(features, n * NEIGHBOURS, min_words as u32, is_admitted);
+        // Of each place all may be found.
+        let n_found = n * (2 * NEAR_IN_TIME as usize + 1);
+        let found = places.find(features, n_found, min_words as u32, is_admitted);
         let mut chosen: Vec<u32> = Vec::new();
         for place in found.iter().map(|found| found.place) {
             if chosen.len() < n && chosen.iter().all(|other| other.abs_diff(place) > NEAR_IN_TIME) {
@@ -229,11 +230,6 @@ impl Sight {
         let (model, velocity) = (context.colour, reference.velocity);
         let observations: Arc<[Observation]> =
             lift(&seen_by(context, reference), reference.features, &reference.surface, &velocity).into();
-        if self.known.len() >= SURFACES_KEPT {
-            // Those that were not asked for for longest.
-            let longest = self.known.iter().min_by_key(|(_, known)| known.asked_by).map(|(key, _)| *key);
-            longest.map(|key| self.known.remove(&key));
-        }
         let (asked_by, kept) = (self.index, Arc::clone(&observations));
         self.known.insert(reference.key, KnownObservations { asked_by, model, velocity, observations: kept });
         observations
