@@ -2,40 +2,50 @@
 
 use crate::code;
 
-/// Numeric constants of `shared/method/slam` outside of tests, fields of settings aside. Lower it with each
-/// one that is derived or estimated instead; 80 is the aim.
-const MOST_CONSTANTS: usize = 160;
+/// Constants of `shared/method/slam` outside of tests that are numbers or hold some, derived ones too; fields of
+/// settings aside. Lower it with each one that is derived or estimated instead; 80 is the aim.
+const MOST_CONSTANTS: usize = 122;
 
-/// Whether a line defines a constant that is a number, or several.
-fn is_number(line: &str) -> bool {
-    let line = line.trim_start();
-    let line = line.strip_prefix("pub(crate) ").or_else(|| line.strip_prefix("pub ")).unwrap_or(line);
-    let Some((name, value)) = line.strip_prefix("const ").and_then(|rest| rest.split_once(": ")) else {
-        return false;
-    };
-    let kind = value.trim_start_matches('[');
-    let numbers = ["f32", "f64", "usize", "u8", "u32", "u64", "i32", "i64"];
-    name.chars().all(|c| c.is_ascii_uppercase() || c == '_' || c.is_ascii_digit())
-        && numbers.iter().any(|number| kind.starts_with(number))
+/// Whether an item, from its line on, is a constant with a number in its value, of whatever type it is.
+fn holds_a_number(item: &str) -> bool {
+    let item = item.trim_start();
+    let item =
+        item.strip_prefix("pub").map_or(item, |rest| rest.split_once(' ').map_or(rest, |(_, rest)| rest));
+    let name = item.strip_prefix("const ").or_else(|| item.strip_prefix("static "));
+    let Some((name, rest)) = name.and_then(|rest| rest.split_once(": ")) else { return false };
+    let is_name = |c: char| c.is_ascii_uppercase() || c == '_' || c.is_ascii_digit();
+    let text = rest.lines().map(|line| line.split("//").next().unwrap_or_default());
+    let text: String = text.collect::<Vec<_>>().join(" ");
+    let value = text.split_once('=').map_or("", |(_, value)| value);
+    let value = value.split_once("; ").map_or(value, |(value, _)| value);
+    let words = value.split(|c: char| !(c.is_ascii_alphanumeric() || c == '_' || c == '"'));
+    name.chars().all(is_name) && words.into_iter().any(|w| w.starts_with(|c: char| c.is_ascii_digit()))
+}
+
+/// How many such items a file has.
+fn count(text: &str) -> usize {
+    let starts = text.match_indices('\n').map(|(at, _)| at + 1).chain([0]);
+    starts.filter(|at| holds_a_number(&text[*at..])).count()
 }
 
 #[test]
 fn the_method_decides_with_no_more_numbers_than_before() {
     // Modules that are compiled for tests alone.
     let is_test = |name: &str| name.starts_with("test_") || name.ends_with("_tests");
-    let n = code("shared/method/slam/src")
+    let n: usize = code("shared/method/slam/src")
         .iter()
         .filter(|(path, _)| !path.file_stem().and_then(|name| name.to_str()).is_some_and(is_test))
-        .flat_map(|(_, text)| text.lines())
-        .filter(|l| is_number(l))
-        .count();
+        .map(|(_, text)| count(text))
+        .sum();
     assert!(n > 0 && n <= MOST_CONSTANTS, "{n} numeric constants, at most {MOST_CONSTANTS}");
 }
 
 #[test]
 fn a_constant_is_told_from_what_is_none() {
-    assert!(is_number("    pub(crate) const FAR_M: f64 = 1.0;") && is_number("const N: [i32; 2] = [1, 3];"));
-    assert!(
-        !is_number("const fn step(quantity: usize) -> f64 {") && !is_number("const NAME: &str = \"f64\";")
-    );
+    let some = "    pub(crate) const FAR_M: f64 = 1.0;\nconst N: [i32; 2] = [1, 3];\nstatic V: (f64, u8) = (1.0, 2);
+pub const STRICT: Limits =\n    Limits { share: 0.3 };\nconst VOLUME: f64 = {\n    let ball = 4.0 * PI;\n    ball\n};\n";
+    assert_eq!(count(some), 5);
+    let none = "const fn step(n: usize) -> f64 {\n    1.0\n}\nconst NAME: &str = \"f64\";\nconst V: Limits = Limits { m: W::M };
+const ONE: u32 = u32::MAX; // 1\nconst KEPT: [Kind; 3] = [Kind::A, Kind::B, Kind::C];\nlet n: usize = 3;\n";
+    assert_eq!(count(none), 0);
 }

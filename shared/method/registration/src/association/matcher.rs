@@ -30,6 +30,32 @@ pub struct PairReport {
     pub n_in_front: u32,
 }
 
+impl PairReport {
+    /// Share of the queries that are in view.
+    pub fn in_view(&self) -> f64 {
+        share(self.n_in_view, self.n_queries)
+    }
+
+    /// Share of those in view that have a match.
+    pub fn matched(&self) -> f64 {
+        share(self.n_matches, self.n_in_view)
+    }
+
+    /// Share of those in view that are in front.
+    pub fn in_front(&self) -> f64 {
+        share(self.n_in_front, self.n_in_view)
+    }
+
+    /// Share of all queries that have a match.
+    pub fn overlap(&self) -> f64 {
+        share(self.n_matches, self.n_queries)
+    }
+}
+
+fn share(part: u32, whole: u32) -> f64 {
+    f64::from(part) / f64::from(whole.max(1))
+}
+
 /// Searches and sums; holds its buffers.
 pub struct Matcher {
     own_camera: GridCamera,

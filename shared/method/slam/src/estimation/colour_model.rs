@@ -7,6 +7,7 @@
 
 use crate::estimation::colour_pose::{ColourParameters, ParameterMatrix, ParameterSums};
 use crate::estimation::readout::{ReadoutRecord, ReadoutState};
+use crate::estimation::{CHI_SQUARE_6, FALSE_ALARMS, FORGETTING};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::Camera;
@@ -97,33 +98,24 @@ impl ColourPoseRecord {
 pub type CameraEvidence<'a> =
     (Option<&'a ColourRecord>, Option<&'a ColourPoseRecord>, Option<&'a ReadoutRecord>);
 
-/// Log odds before the first frame, as if one of four cameras had colour of another time or scene.
+/// Log odds before the first frame, as if one of four cameras had colour of another time or scene; beyond them colour
+/// that was found wrong is believed again.
 const FIRST_NATS: f64 = 1.0;
 /// Share of a frame's evidence that is its own: those of frames that follow each other correlate by half.
 const OWN_SHARE: f64 = 1.0 / 3.0;
-/// Log odds from which on colour that was found wrong is believed again: ten to one.
-const AGAIN_NATS: f64 = 2.3;
-/// Log odds, at most, as if colour went wrong, or right, in one of a thousand frames.
-const MOST_NATS: f64 = 7.0;
-/// Least share that a frame has in the running mean.
-const LEAST_SHARE: f64 = 0.1;
 /// Residual before the first frame, pixels.
 const FIRST_RESIDUAL_PX: f64 = 4.0;
 /// A frame's residual counts as this at least, pixels: what corners are found to.
 pub(crate) const LEAST_RESIDUAL_PX: f64 = 0.5;
-/// Residual from which on features are no start for the surfaces, pixels.
-const VAGUE_PX: f64 = 10.0;
+/// One of so many frames is audited, once the first were, and so many audits are in the running mean.
+pub(crate) const AUDITED_EVERY: u64 = 8;
 /// Frames in which colour is on probation.
 const PROBATION_FRAMES: u32 = 2;
-/// Share by which what was seen before counts less with each keyframe.
-const FORGETTING: f64 = 0.01;
 /// Standard deviations of lag and ratio before anything is measured: exposures start within a frame of 33 ms,
 /// and fields of view of the two lenses differ by some tenths.
 const PRIOR_SIGMAS: [f64; 2] = [0.03, 0.1];
 /// Standard deviations of what a camera file states: on two recordings of one camera the lag differs by 2 ms.
 pub(crate) const STATED_SIGMAS: [f64; 2] = [0.003, 0.005];
-/// Standard deviations beyond which a parameter is not zero: one in 10^6.
-const CERTAIN_SIGMAS: f64 = 4.9;
 /// Standard deviations below which it may well be zero: one in 100.
 const DOUBTED_SIGMAS: f64 = 2.6;
 
@@ -209,10 +201,12 @@ impl ColourState {
     /// Takes in how the features of a frame lie against its surfaces.
     pub(crate) fn apply_audit(&mut self, record: &ColourRecord) {
         self.n_frames = self.n_frames.saturating_add(1);
-        // The first frames count alike.
-        let share = LEAST_SHARE.max(1.0 / (f64::from(self.n_frames) + 1.0));
-        self.own_nats = (self.own_nats + OWN_SHARE * record.nats).clamp(-MOST_NATS, MOST_NATS);
-        self.is_trusted = self.own_nats > if self.is_trusted { 0.0 } else { AGAIN_NATS };
+        // The first frames count alike; later on it is the mean of some seconds.
+        let share = 1.0 / (f64::from(self.n_frames) + 1.0).min(AUDITED_EVERY as f64);
+        // At most as if colour went wrong, or right, in so many frames.
+        let most_nats = -libm::log(FALSE_ALARMS);
+        self.own_nats = (self.own_nats + OWN_SHARE * record.nats).clamp(-most_nats, most_nats);
+        self.is_trusted = self.own_nats > if self.is_trusted { 0.0 } else { FIRST_NATS };
         // The geometric mean: one frame of a blurred turn has ten times the residual of its neighbours.
         let ratio = record.residual_px.max(LEAST_RESIDUAL_PX) / self.residual_px;
         self.residual_px *= libm::pow(ratio, share);
@@ -251,10 +245,9 @@ impl ColourState {
     }
 
     /// Whether features are no start where the surfaces suffice: too few frames were judged, and colour
-    /// of another scene that leads takes weak surfaces along and is found out late; or colour agrees
-    /// with depth too roughly.
+    /// of another scene that leads takes weak surfaces along and is found out late.
     pub(crate) fn is_on_probation(&self) -> bool {
-        self.is_trusted() && (self.n_frames < PROBATION_FRAMES || self.residual_px > VAGUE_PX)
+        self.is_trusted() && self.n_frames < PROBATION_FRAMES
     }
 
     /// Covariance of lag and ratio before anything is measured: how far a camera's own colour may lie from its depth.
@@ -285,7 +278,8 @@ impl ColourState {
 
 /// Value of a parameter to apply: it changes when it must, not with each keyframe.
 fn chosen([value, sigma]: [f64; 2], applied: f64) -> f64 {
-    let certain = if applied == 0.0 { CERTAIN_SIGMAS } else { DOUBTED_SIGMAS };
+    // Of one dimension it is one in 470,000 that is zero.
+    let certain = if applied == 0.0 { CHI_SQUARE_6.sqrt() } else { DOUBTED_SIGMAS };
     match value.abs() > certain * sigma {
         true if applied != 0.0 && (value - applied).abs() < sigma => applied,
         true => value,

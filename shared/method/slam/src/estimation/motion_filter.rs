@@ -16,26 +16,22 @@
 //! before where `q` is (Mehra, IEEE Trans. Automatic Control 1970): a smaller `q` leaves a lag behind. Both are
 //! followed in logarithms, for translation and rotation apart.
 
+use crate::estimation::FORGETTING;
 use crate::estimation::student::{FREEDOM, THREE_AXES};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 use std::ops::Range;
 use tessera_geometry::{Pose, Twist, Vector6, exp, log};
 
-/// Steps of the logarithms in the innovations' mean square and correlation: a memory of some 30 frames.
-const STEP: f64 = 0.03;
-/// Most that one frame adds to a logarithm, in steps.
-const MOST_STEPS: f64 = 2.0;
-/// Density of the acceleration before anything is known, m^2/s^3 and rad^2/s^3: 2 m/s^2 and 10 rad/s^2 that last for
-/// a thirtieth of a second.
-const START_DENSITY: [f64; 2] = [4.0 / 30.0, 100.0 / 30.0];
+/// Time between two frames of a usual camera, seconds.
+pub(crate) const FRAME_S: f64 = 1.0 / 30.0;
+/// Acceleration before anything is known, m/s^2 and rad/s^2, that lasts from one frame to the next.
+const START_ACCELERATION: [f64; 2] = [2.0, 10.0];
 /// Standard deviation of a velocity that no alignment determines, m/s and rad/s: of a hand or a robot indoors.
 const START_VELOCITY: [f64; 2] = [1.5, 1.5];
 /// Standard deviation of a rotation between two frames that no gyroscope falls below, radians: its axes and the camera's
 /// differ a little.
 const INERTIAL_FLOOR_RAD: f64 = 0.2_f64.to_radians();
-/// An alignment that tells nothing along an axis leaves this share of the variance predicted for it.
-const NOTHING: f64 = 0.999;
 
 /// Velocity and its noise levels as of all frames so far. Arrays by axis: along x, y, z, and about them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -156,7 +152,7 @@ impl MotionState {
     /// The variances of an axis some time later.
     fn ahead(&self, axis: usize, t: f64) -> [f64; 3] {
         let [pp, pv, vv] = self.variance[axis];
-        let q = START_DENSITY[axis / 3] * libm::exp(self.ln_density[axis / 3]);
+        let q = START_ACCELERATION[axis / 3].powi(2) * FRAME_S * libm::exp(self.ln_density[axis / 3]);
         [pp + 2.0 * pv * t + vv * t * t + q * t.powi(3) / 3.0, pv + vv * t + q * t * t / 2.0, vv + q * t]
     }
 
@@ -165,7 +161,8 @@ impl MotionState {
         let scale = self.scale();
         std::array::from_fn(|k| {
             let [pp, pv, vv] = self.ahead(k, seconds);
-            let updated = (scale[k / 3] * stated[k]).min(NOTHING * pp);
+            // However little an alignment tells, it is no less than what is forgotten.
+            let updated = (scale[k / 3] * stated[k]).min((1.0 - FORGETTING) * pp);
             let gain = 1.0 - updated / pp;
             let step = (velocity[k] - self.velocity[k]) * seconds;
             self.velocity[k] += pv / pp * step;
@@ -183,8 +180,8 @@ impl MotionState {
             axes.clone().for_each(|k| innovation[k] *= weight.sqrt().min(1.0));
             let correlation = axes.map(|k| innovation[k] * self.innovation[k]).sum::<f64>() / 3.0;
             let excess = THREE_AXES.consistency * weight * squared / 3.0 - 1.0;
-            self.ln_scale[group] += STEP * excess.min(MOST_STEPS);
-            self.ln_density[group] += STEP * correlation.clamp(-MOST_STEPS, MOST_STEPS);
+            self.ln_scale[group] += FORGETTING * excess;
+            self.ln_density[group] += FORGETTING * correlation;
         }
         self.innovation = innovation;
     }
@@ -200,12 +197,12 @@ mod tests {
     }
 
     /// A camera whose velocity changes by `acceleration` (m/s^2 and rad/s^2 for a thirtieth of a second) and whose poses
-    /// err by `sigma`, where the alignment states `stated`: the state after a minute.
+    /// err by `sigma`, where the alignment states `stated`: the state after three minutes.
     fn filtered(acceleration: f64, sigma: f64, stated: f64) -> MotionState {
         let mut random = SplitMix64::for_frame(3, 1);
         let (mut state, t) = (MotionState::default(), 1.0 / 30.0);
         let (mut velocity, mut pose, mut found) = ([0.0; 6], [0.0; 6], [0.0; 6]);
-        for _ in 0..1800 {
+        for _ in 0..5400 {
             let mut after = [0.0; 6];
             let mut variance = [stated * stated; 6];
             let predicted = state.predict(&Pose::identity(), t);
@@ -241,7 +238,8 @@ mod tests {
                         (0.7..1.4).contains(&(found / sigma)),
                         "{acceleration} {sigma} {stated}: {found}"
                     );
-                    let density = START_DENSITY[group] * libm::exp(state.ln_density[group]);
+                    let density =
+                        START_ACCELERATION[group].powi(2) * FRAME_S * libm::exp(state.ln_density[group]);
                     let found = (density * 30.0).sqrt();
                     assert!((0.5..2.0).contains(&(found / acceleration)), "{acceleration} {sigma}: {found}");
                 }

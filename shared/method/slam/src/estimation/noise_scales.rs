@@ -13,10 +13,9 @@
 //! Surfaces alone give the relative pose twice as well, from the upper and from the lower half of the image. The one
 //! scale under which both agree is the prior of `s_s^2`.
 
+use crate::estimation::FORGETTING;
 use serde::{Deserialize, Serialize};
 
-/// Share of the evidence that stays from frame to frame: a memory of 100 frames.
-const KEPT: f64 = 0.99;
 /// Degrees of freedom of the prior: about what four frames with both kinds add.
 const PRIOR_FREEDOM: f64 = 20.0;
 /// Scale of the surfaces before any were compared.
@@ -66,11 +65,12 @@ impl NoiseState {
 
     /// Takes a frame's record in.
     pub(crate) fn apply(&mut self, record: &NoiseRecord) {
+        let kept = 1.0 - FORGETTING;
         for k in 0..2 {
-            self.halves[k] = KEPT * self.halves[k] + record.halves[k];
-            self.squared[k] = KEPT * self.squared[k] + record.squared[k];
-            self.redundancy[k] = KEPT * self.redundancy[k] + record.redundancy[k];
-            self.variance_factor[k] = KEPT * self.variance_factor[k] + record.variance_factor[k];
+            self.halves[k] = kept * self.halves[k] + record.halves[k];
+            self.squared[k] = kept * self.squared[k] + record.squared[k];
+            self.redundancy[k] = kept * self.redundancy[k] + record.redundancy[k];
+            self.variance_factor[k] = kept * self.variance_factor[k] + record.variance_factor[k];
         }
     }
 

@@ -1,22 +1,17 @@
 //! Whether two estimates of a pose agree: the squared Mahalanobis distance under their relative covariance,
 //! against the chi-square of its dimension (Bar-Shalom, Li and Kirubarajan 2001, chapter 5).
 
+use crate::settings::WindowSettings;
 use nalgebra::SymmetricEigen;
 use std::f64::consts::PI;
 use tessera_geometry::{
     Matrix6, Pose, PoseBits, Vector6, adjoint, from_upper_triangle, log, translation_rotation_norms,
 };
 
-/// Bound of the squared distance of two poses that agree: the chi-square of six dimensions at an error rate of one
-/// in a thousand, the rate at which poses that agree are refused.
-pub(crate) const CHI_SQUARE_6: f64 = 22.458;
+pub(crate) use crate::estimation::CHI_SQUARE_6;
 
 /// Numbers of the upper triangle of a 6x6 matrix.
 const N_UPPER: usize = 21;
-
-/// Least standard deviation of a pose, metres and radians, as share of what it says of a direction: a covariance
-/// that is singular, as that of a first frame, has no inverse. Far below what any sensor resolves.
-const LEAST_SIGMA: f64 = 1e-4;
 
 /// Distance of two poses beyond which they are two places, metres, half a radian as a metre: drift that is smaller
 /// brings no other room.
@@ -109,9 +104,9 @@ fn squared_norm(d: &Vector6, covariance: &Matrix6) -> f64 {
     floored(covariance).cholesky().map_or(f64::INFINITY, |factor| d.dot(&factor.solve(d)))
 }
 
-/// A covariance that has an inverse.
+/// A covariance that has an inverse: that of a first frame is singular.
 fn floored(covariance: &Matrix6) -> Matrix6 {
-    let floored = covariance + Matrix6::identity() * (LEAST_SIGMA * LEAST_SIGMA);
+    let floored = covariance + Matrix6::identity() * WindowSettings::CONVERGED_STEP.powi(2);
     (floored + floored.transpose()) * 0.5
 }
 

@@ -5,6 +5,7 @@
 //! plane before a plane fits wherever it is tried. Each adds a weight that is monotone in it. The weights are fitted
 //! to pairs whose answer is known ([`same_place_table`](crate::evidence::same_place_table)).
 
+use crate::evidence::pose_agreement::CHI_SQUARE_6;
 use crate::evidence::same_place_table::{ALIKE, SHAPE, WITH_FEATURES};
 use crate::map::context::Context;
 use crate::map::keyframe::KeyframeState;
@@ -21,10 +22,6 @@ use tessera_features::{Correspondence, Observation};
 use tessera_geometry::{Matrix6, Pose, rotation_log};
 use tessera_registration::{MatchLimits, Matcher, PairReport, Queries, Sampler};
 use tessera_surface::SurfaceView;
-
-/// Squared normalised error of a feature that agrees with a pose, at most: the chi-square of two dimensions at one
-/// in 10^5, beside the error of the surfaces' pose.
-pub(crate) const AGREES_SQ: f64 = 25.0;
 
 /// Overlap of views that show the same. Of labelled pairs of one place that overlap so, features were missed in 1 to
 /// 18 % of those of simulated worlds and recordings with features; of those that overlap by 0.1 less in up to 56 %.
@@ -62,7 +59,6 @@ pub struct PlaceEvidence {
 impl PlaceEvidence {
     /// From the matches of a pair at its optimum, and their information of the pose, without features.
     pub(crate) fn of_surfaces(report: &PairReport, information: &Matrix6) -> Self {
-        let share = |part: u32, whole: u32| f64::from(part) / f64::from(whole.max(1));
         let translation = information.fixed_view::<3, 3>(0, 0).into_owned();
         let least = SymmetricEigen::new((translation + translation.transpose()) * 0.5).eigenvalues.min();
         let trace = translation.trace();
@@ -70,9 +66,9 @@ impl PlaceEvidence {
             n_agreeing: None,
             agreeing: 0.0,
             missing: 0.0,
-            overlap: share(report.n_in_view, report.n_queries),
-            matched: share(report.n_matches, report.n_in_view),
-            in_front: share(report.n_in_front, report.n_in_view),
+            overlap: report.in_view(),
+            matched: report.matched(),
+            in_front: report.in_front(),
             residual_sigmas: f64::from(report.median_residual_sigmas),
             shape: if trace > 0.0 { least.max(0.0) / trace } else { 0.0 },
         }
@@ -175,9 +171,9 @@ pub(crate) fn measure(
     (pair.target_from_query, PlaceEvidence::of_surfaces(&pair.report, &information))
 }
 
-/// Correspondences that agree with a relative pose.
+/// Correspondences that agree with a relative pose: of their two dimensions it is one in 75,000 that does not.
 pub(crate) fn n_agreeing(correspondences: &[Correspondence], target_from_query: &Pose) -> usize {
-    correspondences.iter().filter(|c| residuals::squared_error(c, target_from_query) < AGREES_SQ).count()
+    correspondences.iter().filter(|c| residuals::squared_error(c, target_from_query) < CHI_SQUARE_6).count()
 }
 
 /// Whether so many agree with a relative pose that none is missed: on some pose a dozen agree by chance, on a given one

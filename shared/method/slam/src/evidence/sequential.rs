@@ -1,10 +1,10 @@
 //! Wald's sequential probability ratio test over views of a place (Wald 1945): log-likelihood ratios add up as far
 //! as views are independent.
 
+use crate::estimation::MISSED;
+
 /// Error rate of a wrong relocalisation or join.
 const WRONG: f64 = 1e-6;
-/// Error rate of a right one that is missed.
-const MISSED: f64 = 1e-2;
 /// What the evidence so far decides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum TestVerdict {

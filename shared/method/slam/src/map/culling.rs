@@ -9,13 +9,11 @@
 use crate::map::records::RetiredRecord;
 use crate::map::state::{KeyframeState, TrackerState};
 use crate::map::submaps::Submaps;
-use crate::settings::MappingSettings;
+use crate::settings::{LoopSettings, MappingSettings};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use tessera_geometry::Pose;
 
-/// The newest keyframes, which are never culled: the window and the next loop test need them.
-const NEWEST: usize = 5;
 /// Keyframes of a map that is small enough to be kept whole: each one's surface has noise of its own,
 /// which the others average out.
 const KEPT_WHOLE: usize = 40;
@@ -93,7 +91,8 @@ fn redundant_within_m(settings: &MappingSettings, n: usize) -> f64 {
 /// The view with the least room among those that are not the newest; the newest among equals. The
 /// first keyframe of each component is the origin of its gauge and stays.
 fn least_needed(views: &[CullingView]) -> Option<CullingCandidate> {
-    let settled = &views[..views.len().saturating_sub(NEWEST)];
+    // The newest ones are needed by the window, and close no loop yet.
+    let settled = &views[..views.len().saturating_sub(LoopSettings::MIN_KEYFRAMES as usize)];
     let mut by_x: Vec<&CullingView> = settled.iter().collect();
     by_x.sort_by(|a, b| a.centre.x.total_cmp(&b.centre.x).then(a.id.cmp(&b.id)));
     let mut components: BTreeMap<u32, (u32, usize)> = BTreeMap::new();
@@ -206,7 +205,7 @@ mod tests {
             for view in views.iter_mut().filter(|view| view.id == 3 || view.id == 5) {
                 (view.component, view.centre) = (7, Vector3::x() * f64::from(view.id));
             }
-            let settled = &views[..n.saturating_sub(NEWEST)];
+            let settled = &views[..n.saturating_sub(LoopSettings::MIN_KEYFRAMES as usize)];
             let all: Vec<&CullingView> = settled.iter().collect();
             let is_first = |view: &CullingView| {
                 settled.iter().find(|other| other.component == view.component).map(|first| first.id)

@@ -40,6 +40,24 @@ pub struct KeyframeRecord {
     pub retires: Vec<RetiredRecord>,
 }
 
+impl KeyframeRecord {
+    /// A keyframe at rest of which no more is known, and whose surface is not in the store yet.
+    pub(crate) fn new(id: u32, frame: (u64, i64), world_from_camera: PoseBits, place: PlaceCode) -> Self {
+        Self {
+            id,
+            frame_index: frame.0,
+            stamp_nanos: frame.1,
+            world_from_camera,
+            velocity: [0.0; 6],
+            slot: StoreSlot::default(),
+            edges: Vec::new(),
+            place,
+            alike: Vec::new(),
+            retires: Vec::new(),
+        }
+    }
+}
+
 /// A keyframe that nothing is aligned to any more.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RetiredRecord {
@@ -100,6 +118,25 @@ pub struct KeyframeState {
 }
 
 impl KeyframeState {
+    /// The keyframe of a record that a run made in a submap; `covariance`: of its pose.
+    pub(crate) fn made(record: &KeyframeRecord, session: u32, submap: u32, covariance: Vec<f64>) -> Self {
+        Self {
+            id: record.id,
+            session,
+            submap,
+            frame_index: record.frame_index,
+            stamp_nanos: record.stamp_nanos,
+            world_from_camera: record.world_from_camera,
+            velocity: record.velocity,
+            slot: record.slot,
+            edges: record.edges.clone(),
+            covariance,
+            place: record.place.clone(),
+            alike: record.alike.clone(),
+            anchored_to: None,
+        }
+    }
+
     /// Whether it belongs to the working map: others may be aligned to it.
     pub fn is_active(&self) -> bool {
         self.anchored_to.is_none()

@@ -3,7 +3,8 @@
 use crate::map::records::{BlockRecord, KeyframeRecord};
 use serde::{Deserialize, Serialize};
 
-/// Keyframes that are free: about what a view shares something with.
+/// Keyframes in a row that share something with a view: those of the extended window, which are free, and behind them
+/// those that are far away.
 pub(crate) const N_FREE: u32 = 10;
 
 /// The pair blocks of the newest keyframes, by the newer keyframe, each with an older one.

@@ -12,7 +12,7 @@ pub use crate::map::keyframe::{
     EdgeRecord, KeyframePose, KeyframeRecord, KeyframeState, RetiredRecord, StoreSlot,
 };
 use crate::map::single;
-use crate::map::submaps::Submaps;
+use crate::map::submaps::{MOST_LISTED, Submaps};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use tessera_geometry::{Pose, PoseBits};
@@ -168,9 +168,6 @@ pub struct SkippedFrames {
 }
 
 impl SkippedFrames {
-    /// Frames of one record that are listed one by one at most: those of two days at 60 Hz.
-    const MOST_LISTED: u64 = 2 * 86_400 * 60;
-
     /// Number of frames; 0 of a range that ends before it begins.
     pub fn n(&self) -> u64 {
         self.frames.end.saturating_sub(self.frames.start)
@@ -179,7 +176,7 @@ impl SkippedFrames {
     /// The frames for a list of them, which a forged record cannot make endless.
     pub fn listed(&self) -> Range<u64> {
         let Range { start, end } = self.frames;
-        start..end.min(start.saturating_add(Self::MOST_LISTED))
+        start..end.min(start.saturating_add(MOST_LISTED.into()))
     }
 }
 

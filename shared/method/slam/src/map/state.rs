@@ -17,10 +17,7 @@ use crate::map::submaps::Submaps;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::{Camera, InertialRotation, Pose, PoseBits, log};
 
-/// Refused joins that are remembered.
-const MOST_REFUSED: usize = 16;
-
-/// Longest time between two frames through which the velocity is used, seconds.
+/// Longest time between two frames that are one run of the camera, seconds: beyond it the velocity is not used.
 pub(crate) const MOST_COASTED_S: f64 = 1.0;
 
 /// One of the last frames.
@@ -163,21 +160,8 @@ impl TrackerState {
         if let Some(keyframe) = &frame.change.new_keyframe {
             let became = self.recent.iter().find(|r| r.index == keyframe.frame_index);
             self.newest_blocks.add(keyframe, became.map_or(&[], |r| &r.blocks));
-            self.keyframes.push(KeyframeState {
-                id: keyframe.id,
-                session: self.session,
-                submap: frame.submap,
-                frame_index: keyframe.frame_index,
-                stamp_nanos: keyframe.stamp_nanos,
-                world_from_camera: keyframe.world_from_camera,
-                velocity: keyframe.velocity,
-                slot: keyframe.slot,
-                edges: keyframe.edges.clone(),
-                covariance: became.map_or(Vec::new(), |r| r.covariance.clone()),
-                place: keyframe.place.clone(),
-                alike: keyframe.alike.clone(),
-                anchored_to: None,
-            });
+            let covariance = became.map_or(Vec::new(), |r| r.covariance.clone());
+            self.keyframes.push(KeyframeState::made(keyframe, self.session, frame.submap, covariance));
             self.active_ids.extend(&self.keyframes);
             keyframe.retires.iter().for_each(|retired| self.retire(retired));
             self.frames_since_keyframe = u32::from(keyframe.frame_index < frame.index);
@@ -275,9 +259,6 @@ impl TrackerState {
     }
 
     fn refuse(&mut self, join: JoinRecord) {
-        if self.refused.len() == MOST_REFUSED {
-            self.refused.remove(0);
-        }
         self.refused.push((join, self.keyframes.len() as u32));
     }
 

@@ -8,8 +8,8 @@
 use crate::map::keyframe::KeyframeState;
 use serde::{Deserialize, Serialize};
 
-/// Submaps that a state holds at most: one for each second of twelve days.
-const MOST_SUBMAPS: u32 = 1 << 20;
+/// Frames, or submaps, of one record that are listed one by one at most: the frames of two days at 60 Hz.
+pub(crate) const MOST_LISTED: u32 = 2 * 86_400 * 60;
 
 /// The components of all submaps.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -53,9 +53,9 @@ impl Submaps {
     }
 
     /// Submaps up to this one exist, each apart until it is joined. A journal is untrusted input: beyond
-    /// [`MOST_SUBMAPS`] no memory is taken.
+    /// [`MOST_LISTED`] no memory is taken.
     pub(crate) fn extend_to(&mut self, submap: u32) {
-        let (n, submap) = (self.components.len() as u32, submap.min(MOST_SUBMAPS - 1));
+        let (n, submap) = (self.components.len() as u32, submap.min(MOST_LISTED - 1));
         self.components.extend(n..=submap);
     }
 
@@ -119,7 +119,7 @@ mod tests {
         assert_eq!((found.n(), found.n_components()), (4, 4));
         let mut hostile = found.clone();
         hostile.extend_to(u32::MAX);
-        assert_eq!((hostile.n(), hostile.component(u32::MAX)), (MOST_SUBMAPS, u32::MAX));
+        assert_eq!((hostile.n(), hostile.component(u32::MAX)), (MOST_LISTED, u32::MAX));
         found.join(3, 2);
         found.join(0, 3);
         assert_eq!(found, submaps(&[0, 1, 0, 0]));

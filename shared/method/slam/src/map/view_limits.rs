@@ -12,6 +12,9 @@ pub(crate) struct ViewLimits {
     pub(crate) angle_rad: f64,
 }
 
+/// Views that look at the same: a pair is aligned from where the map has it, and shares features.
+pub(crate) const SAME_VIEW: ViewLimits = ViewLimits { radius_m: 0.7, angle_rad: 25.0_f64.to_radians() };
+
 impl ViewLimits {
     /// The views within the limits of one with this centre and optical axis, nearest first, each
     /// with its score `distance / radius + angle / limit`. `others` yields names and centres in the
@@ -24,28 +27,24 @@ impl ViewLimits {
         others: impl Iterator<Item = (Name, Vector3<f64>)>,
         axis_of: impl Fn(Name) -> Vector3<f64>,
     ) -> Vec<(f64, Name)> {
-        let mut near = self.within(centre, axis, others, axis_of);
-        near.sort_by(by_score);
-        near
-    }
-
-    /// As [`Self::nearest`], in the order of `others`.
-    pub(crate) fn within<Name: Copy>(
-        &self,
-        centre: &Vector3<f64>,
-        axis: &Vector3<f64>,
-        others: impl Iterator<Item = (Name, Vector3<f64>)>,
-        axis_of: impl Fn(Name) -> Vector3<f64>,
-    ) -> Vec<(f64, Name)> {
         let least_dot = self.least_dot();
-        others
+        let mut near: Vec<(f64, Name)> = others
             .filter(|(_, other)| (other - centre).norm_squared() <= self.radius_m * self.radius_m)
             .filter(|(name, _)| axis_of(*name).dot(axis) >= least_dot)
             .filter_map(|(name, other)| {
                 let (apart_sq, dot) = ((other - centre).norm_squared(), axis_of(name).dot(axis));
                 Some((self.score(apart_sq, dot)?, name))
             })
-            .collect()
+            .collect();
+        near.sort_by(by_score);
+        near
+    }
+
+    /// Whether two views, `world_from_camera` each, are within the limits.
+    pub(crate) fn hold(&self, a: &Pose, b: &Pose) -> bool {
+        let apart_sq = (b.translation.vector - a.translation.vector).norm_squared();
+        let dot = optical_axis(b).dot(&optical_axis(a));
+        apart_sq <= self.radius_m * self.radius_m && self.score(apart_sq, dot).is_some()
     }
 
     /// The cosine below which views look elsewhere: most do, which takes no arc cosine to tell.

@@ -29,9 +29,6 @@ use tessera_geometry::{Pose, PoseBits, Twist, Vector6, compose_normalised, trans
 use tessera_registration::{Sample, Sampler};
 use tessera_surface::SurfaceView;
 
-/// Neighbours of a keyframe that are asked to confirm what it sees.
-const MOST_ASKED: usize = 12;
-
 /// Two components that were joined because both saw a place.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Meeting {
@@ -355,19 +352,20 @@ fn recognised(
     others: &[&KeyframeState],
 ) -> Option<SightingRecord> {
     let found = relocalise::recognise(input, aligner, others, own.id as usize)?;
-    let seen = join::nearest_of(input, &found)?;
+    let seen = found.keyframes(input.map).next()?;
     let seen_from_own = Pose::from(&seen.world_from_camera).inverse() * found.alignment.world_from_camera;
     let seen_from_own = PoseBits::from(&compose_normalised(&seen_from_own, &Twist::default()));
     let evidence_millinats = join::millinats(found.evidence_nats);
     Some(SightingRecord { seen: seen.id, own: own.id, seen_from_own, evidence_millinats })
 }
 
-/// Keyframes of the same component, the nearest in the order of their making first.
+/// Keyframes of the same component that are asked to confirm what one sees, the nearest in the order of their making
+/// first.
 fn neighbours<'a>(state: &'a TrackerState, own: &KeyframeState) -> Vec<&'a KeyframeState> {
     let component = |k: &KeyframeState| state.submaps.component(k.submap);
     let is_neighbour = |k: &&KeyframeState| k.is_active() && k.id != own.id && component(k) == component(own);
     let mut found: Vec<&KeyframeState> = state.keyframes.iter().filter(is_neighbour).collect();
     found.sort_by_key(|k| (k.id.abs_diff(own.id), k.id));
-    found.truncate(MOST_ASKED);
+    found.truncate(GlobalSettings::NEIGHBOURS);
     found
 }

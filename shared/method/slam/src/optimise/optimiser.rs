@@ -59,6 +59,15 @@ pub(crate) struct Pending {
     pub(crate) cameras: SessionCameras,
 }
 
+impl Pending {
+    fn of(context: &Context, state: &TrackerState, request: RequestRecord) -> Self {
+        let n = (request.n_keyframes as usize).min(state.keyframes.len());
+        let (keyframes, submaps) = (state.keyframes[..n].to_vec(), state.submaps.clone());
+        let (colour, noise, cameras) = (state.colour, state.noise, context.cameras.clone());
+        Self { request, keyframes, submaps, colour, noise, cameras }
+    }
+}
+
 /// The keyframes of a request, solved for.
 pub(crate) struct SolvedKeyframes {
     active: Vec<KeyframeState>,
@@ -96,10 +105,7 @@ impl Optimiser {
 
     /// An optimiser that was asked for all keyframes of a state that no journal led to.
     pub(crate) fn asked(context: Context, state: &TrackerState, request: RequestRecord) -> Self {
-        let (keyframes, submaps) = (state.keyframes.clone(), state.submaps.clone());
-        let (colour, noise) = (state.colour, state.noise);
-        let cameras = context.cameras.clone();
-        let pending = Pending { request, keyframes, submaps, colour, noise, cameras };
+        let pending = Pending::of(&context, state, request);
         Self { pending: VecDeque::from([pending]), ..Self::new(context) }
     }
 
@@ -124,11 +130,7 @@ impl Optimiser {
         if let Some(request) = request
             && request.request >= self.n_answered
         {
-            let n = (request.n_keyframes as usize).min(self.state.keyframes.len());
-            let keyframes = self.state.keyframes[..n].to_vec();
-            let (submaps, colour, noise) = (self.state.submaps.clone(), self.state.colour, self.state.noise);
-            let cameras = self.context.cameras.clone();
-            self.pending.push_back(Pending { request, keyframes, submaps, colour, noise, cameras });
+            self.pending.push_back(Pending::of(&self.context, &self.state, request));
         }
     }
 

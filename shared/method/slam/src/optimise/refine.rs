@@ -4,9 +4,10 @@ use crate::map::records::{AlignRecord, FrameRecord};
 use crate::map::state::KeyframeState;
 use crate::map::submaps::Submaps;
 use crate::optimise::interpolation::PoseTimeline;
+use crate::pairs::match_cache::has_left;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
-use tessera_geometry::{Pose, PoseBits, translation_rotation_norms};
+use tessera_geometry::{Pose, PoseBits};
 use tessera_graph::{Graph, INNER_ITERATIONS, Pair, PairBlock};
 
 /// The frames of a run as they were journaled, read again when they are needed: they are too many
@@ -69,15 +70,11 @@ impl FrameBlocks {
         graph.is_fixed.push(false);
         graph.optimise(INNER_ITERATIONS, &mut || ()).ok()?;
         let found = graph.poses.pop()?;
-        let (moved_m, turned_rad) = translation_rotation_norms(&(start.inverse() * found));
-        Some(if moved_m <= MOST_MOVED_M && turned_rad <= MOST_TURNED_RAD { found } else { start })
+        // Where keyframes have moved against each other, two walls of a corridor that were parallel meet, far away.
+        Some(if has_left(&start, &found) { start } else { found })
     }
 }
 
-/// How far from where its reference keyframe has it a frame is solved again, metres and radians: where keyframes
-/// have moved against each other, two walls of a corridor that were parallel meet, far away.
-const MOST_MOVED_M: f64 = 0.05;
-const MOST_TURNED_RAD: f64 = 2.0_f64.to_radians();
 /// Frames that are solved at once: what is read of a history at a time.
 const CHUNK: usize = 1024;
 

@@ -1,15 +1,13 @@
 //! What a pair of images tells on whether colour is of its time and place (method 14.4).
 
+use crate::estimation::MISSED;
 use crate::estimation::colour_pose::{Coupling, ParameterMatrix};
+use crate::estimation::student::FREEDOM;
 use tessera_geometry::{Matrix6, Vector6};
 
 /// Standard deviation of the pose of chance matches about that of the surfaces, metres and radians: they are searched
 /// near it. The most likely values on ten sets of foreign images, simulated and recorded, are .01 to .03.
 const FOREIGN_SIGMA: f64 = 0.02;
-/// Degrees of freedom of the disagreement of two poses: their noise scales are known to some four degrees each.
-const FREEDOM: f64 = 8.0;
-/// Probability assumed that a pair of images of its time and place agrees: a keyframe may be blurred, its stamp wrong.
-const OWN_AGREES: f64 = 0.97;
 
 /// Log-likelihood ratio of "the images are of their time and place", nats, by the poses of a pair from surfaces and
 /// from features: normal equations `(N, g)` about one transform, metric and divided by their noise scales, each with a
@@ -17,7 +15,7 @@ const OWN_AGREES: f64 = 0.97;
 ///
 /// The poses differ by Student's t with the covariance of both, what lag and focal ratio may move the features by
 /// included (`coupling`, scaled as the features, and the covariance of the `parameters`); matches by chance lie about
-/// the surfaces' pose with [`FOREIGN_SIGMA`] beside it, as those of one pair in thirty of colour's own do. A direction
+/// the surfaces' pose with [`FOREIGN_SIGMA`] beside it, as those of one pair in a hundred of colour's own do. A direction
 /// that the surfaces leave open tells nothing.
 pub(crate) fn own_nats(
     surfaces: &(Matrix6, Vector6),
@@ -32,15 +30,17 @@ pub(crate) fn own_nats(
     let own = of_surfaces + of_features + by_parameters * parameters * by_parameters.transpose();
     let foreign = own + Matrix6::identity() * (FOREIGN_SIGMA * FOREIGN_SIGMA);
     let nats = log_density(&own, &apart)? - log_density(&foreign, &apart)?;
-    Some(libm::log(OWN_AGREES * libm::exp(nats) + 1.0 - OWN_AGREES))
+    // A keyframe may be blurred, its stamp wrong.
+    Some(libm::log((1.0 - MISSED) * libm::exp(nats) + MISSED))
 }
 
-/// Of Student's t in six dimensions, but for a constant.
+/// Of Student's t in six dimensions, but for a constant: the noise scales of both poses are known to some degrees each.
 fn log_density(covariance: &Matrix6, value: &Vector6) -> Option<f64> {
     let factor = covariance.cholesky()?;
     let squared = value.dot(&factor.solve(value));
+    let freedom = 2.0 * FREEDOM;
     let log_determinant: f64 = factor.l_dirty().diagonal().iter().map(|v| 2.0 * libm::log(*v)).sum();
-    Some(-0.5 * (log_determinant + (FREEDOM + 6.0) * libm::log1p(squared / FREEDOM)))
+    Some(-0.5 * (log_determinant + (freedom + 6.0) * libm::log1p(squared / freedom)))
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! Covisibility by pose: which keyframes share multi-edges in the global optimisation (method 8.1).
 
+use crate::map::newest_blocks::N_FREE;
 use crate::map::submaps::Origin;
 use crate::map::view_limits::{Nearest, ViewLimits, optical_axis};
 use crate::settings::GlobalSettings;
@@ -7,8 +8,9 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 use tessera_geometry::Pose;
 
-/// Index gap that counts as large.
-const FAR_GAP: usize = 10;
+/// Views that may share surfaces.
+pub(crate) const LIMITS: ViewLimits =
+    ViewLimits { radius_m: GlobalSettings::RADIUS_M, angle_rad: GlobalSettings::ANGLE_DEG.to_radians() };
 
 /// Pairs `(newer, older)`, sorted by the older: consecutive keyframes, and for each keyframe its neighbours,
 /// half of them nearest in pose and half nearest among those far away in index (nearest alone
@@ -67,15 +69,9 @@ impl Views {
 }
 
 fn cube(centre: &Vector3<f64>) -> [i64; 3] {
-    // What is not finite has no neighbours anyway.
-    [0, 1, 2].map(|k| ((centre[k] / CUBE_M).floor() as i64).clamp(-MOST_CUBES, MOST_CUBES))
+    // What is farther away than an i32 counts, or not finite, has no neighbours anyway.
+    [0, 1, 2].map(|k| i64::from((centre[k] / GlobalSettings::RADIUS_M).floor() as i32))
 }
-
-/// Edge of a cube, metres: a little more than neighbours reach, whatever is rounded.
-const CUBE_M: f64 = 1.001 * GlobalSettings::RADIUS_M;
-
-/// Cubes in one direction: what is farther away is in the last one.
-const MOST_CUBES: i64 = 1 << 40;
 
 /// Pairs that are kept from before: the older keyframes of each newer one, rising.
 struct KeptPairs {
@@ -107,8 +103,7 @@ fn of_one(
     (views, origins): (&Views, &[Origin]),
     kept: &KeptPairs,
 ) -> impl Iterator<Item = (usize, usize)> + use<> {
-    let limits =
-        ViewLimits { radius_m: GlobalSettings::RADIUS_M, angle_rad: GlobalSettings::ANGLE_DEG.to_radians() };
+    let limits = LIMITS;
     let half = GlobalSettings::NEIGHBOURS.div_ceil(2);
     // By as much as drift may have moved a pair: what takes the place of a kept neighbour is nearer by more.
     let lead = GlobalSettings::FIRST_DISTANCE_M / GlobalSettings::RADIUS_M;
@@ -117,7 +112,7 @@ fn of_one(
     let (mut nearest, mut far) = (Nearest::new(half), Nearest::new(2 * half));
     for other in views.around(view).flatten() {
         let apart_sq = (other.centre - view.centre).norm_squared();
-        let (dot, is_far) = (other.axis.dot(&view.axis), other.place.abs_diff(i) >= FAR_GAP);
+        let (dot, is_far) = (other.axis.dot(&view.axis), other.place.abs_diff(i) >= N_FREE as usize);
         let is_near = apart_sq <= limits.radius_m * limits.radius_m && dot >= least_dot;
         if !is_near || other.place == i || other.component != view.component {
             continue;
@@ -160,7 +155,7 @@ mod tests {
                 .map(|j| (j, poses[j].translation.vector));
             let (centre, axis) = (poses[i].translation.vector, optical_axis(&poses[i]));
             let near = limits.nearest(&centre, &axis, others, |j| optical_axis(&poses[j]));
-            let far = near.iter().skip(half).filter(|n| n.1.abs_diff(i) >= FAR_GAP).take(half);
+            let far = near.iter().skip(half).filter(|n| n.1.abs_diff(i) >= N_FREE as usize).take(half);
             found.extend(near.iter().take(half).chain(far).map(|n| (i.max(n.1), i.min(n.1))));
             found.extend((i > 0 && origins[i] == origins[i - 1]).then(|| (i, i - 1)));
         }

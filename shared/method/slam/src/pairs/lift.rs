@@ -8,13 +8,7 @@ use crate::map::context::Context;
 use nalgebra::Vector3;
 use tessera_features::{Feature, Observation, PointEstimate};
 use tessera_geometry::Twist;
-use tessera_numerics::prefetch;
 use tessera_surface::{SurfaceView, Vertex};
-
-/// Cosine between ray and normal at least: beyond, a pixel more or less is another depth.
-const MIN_COSINE: f64 = 0.2;
-/// Change of depth from the vertex to the ray's point at most, as a share of the depth.
-const MAX_DEPTH_STEP: f64 = 0.1;
 
 /// A point moved by `exp(velocity seconds)`, as the series up to the second order.
 #[inline(always)]
@@ -62,18 +56,12 @@ impl pulp::WithSimd for Lift<'_> {
     fn with_simd<S: pulp::Simd>(self, _simd: S) -> Vec<Observation> {
         let Self { lifter, features } = self;
         let mut observations = Vec::with_capacity(features.len());
-        for (place, feature) in features.iter().enumerate() {
-            if let Some(next) = features.get(place + AHEAD) {
-                lifter.read_ahead(next);
-            }
+        for feature in features {
             observations.push(lifter.observe(feature));
         }
         observations
     }
 }
-
-/// So many features before a feature's turn its vertex is asked for.
-const AHEAD: usize = 8;
 
 struct Lifter<'a> {
     context: &'a Context,
@@ -127,12 +115,9 @@ impl Lifter<'_> {
         let normal = turned(&vector(vertex.normal), self.velocity, seconds);
         let along = normal.dot(direction);
         let cosine = along.abs() / (direction.norm() * normal.norm());
-        if !(cosine > MIN_COSINE) {
-            return None;
-        }
         let position = origin + direction * (normal.dot(&(on_surface - origin)) / along);
-        let is_near = (position.z - on_surface.z).abs() < MAX_DEPTH_STEP * on_surface.z;
-        is_near.then(|| (position, ((1.0 - cosine * cosine).max(0.0)).sqrt() / cosine))
+        // A ray along the surface meets it nowhere.
+        (position.z > 0.0).then(|| (position, ((1.0 - cosine * cosine).max(0.0)).sqrt() / cosine))
     }
 
     /// The vertex of the cell in which a point of the frame at its stamp is seen, and its row.
@@ -153,24 +138,9 @@ impl Lifter<'_> {
         self.context.colour.pixel_of_depth(&self.context.camera, row, column)
     }
 
-    #[inline(always)]
-    fn read_ahead(&self, feature: &Feature) {
-        let [row, column] = self.pixel_of_depth(feature);
-        if let Some((vertex, _)) = self.cell_at(row, column) {
-            prefetch(vertex);
-        }
-    }
-
     /// The vertex of the cell of a pixel of the depth image, and its row.
     #[inline(always)]
     fn vertex_at(&self, row: f64, column: f64) -> Option<(Vertex, usize)> {
-        let (vertex, row) = self.cell_at(row, column)?;
-        vertex.is_inner().then_some((*vertex, row))
-    }
-
-    /// As [`Self::vertex_at`], whatever the vertex is; its memory is not read.
-    #[inline(always)]
-    fn cell_at(&self, row: f64, column: f64) -> Option<(&Vertex, usize)> {
         let grid = self.context.grid;
         let cell = |pixel: f64, n: usize| {
             let place = ((pixel - self.context.offset_px) / grid.step as f64 + 0.5).floor();
@@ -178,6 +148,6 @@ impl Lifter<'_> {
         };
         let (row, column) = (cell(row, grid.height)?, cell(column, grid.width)?);
         let vertex = self.surface.vertices.get(row * grid.width + column)?;
-        Some((vertex, row))
+        vertex.is_inner().then_some((*vertex, row))
     }
 }

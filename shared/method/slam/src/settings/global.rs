@@ -30,9 +30,7 @@ impl GlobalSettings {
     pub const FIRST_DISTANCE_M: f64 = 0.15;
     /// Largest share of queries of a loop pair that violate free space.
     pub const MAX_IN_FRONT: f64 = 0.2;
-    /// Largest disagreement between both directions of a loop pair, standard deviations of depth.
-    pub const MAX_INCONSISTENCY_SIGMAS: f64 = 1.5;
-    /// Disagreement with the graph beyond which a loop pair loses its weight, standard deviations of
-    /// depth (method 8.3).
+    /// Disagreement beyond which a loop pair is refused, between its two directions, or loses its weight, with the
+    /// graph, standard deviations of depth (method 8.3).
     pub const LOOP_RESIDUAL_SIGMAS: f64 = 1.0;
 }

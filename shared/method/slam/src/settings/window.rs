@@ -63,19 +63,14 @@ impl WindowSettings {
     pub const ANGLE_DEG: f64 = 30.0;
     /// Share of the correspondences sought in all but the last outer iteration.
     pub const EARLY_SHARE: f64 = 0.3;
-    /// Outer iterations of the second attempt, after a failure.
-    pub const RETRY_ITERATIONS: u32 = 10;
     /// Outer iterations from a start that is at a solution, or not far from one.
     pub const REFINING_ITERATIONS: u32 = 3;
-    /// Pose change below which the schedule skips to its last, tightest step, metres (and radians).
-    pub const CONVERGED_STEP: f64 = 2e-4;
-    /// A translation is free when its matches claim a larger standard deviation, metres, and it
-    /// is [`Self::FREE_RATIO`] times that of the best known translation.
-    pub const FREE_TRANSLATION_M: f64 = 0.0015;
-    /// A rotation is free when its matches claim a larger standard deviation, degrees, and it is
-    /// [`Self::FREE_RATIO`] times that of the best known rotation.
-    pub const FREE_ROTATION_DEG: f64 = 0.1;
-    /// See [`Self::FREE_TRANSLATION_M`].
+    /// Pose change that no sensor resolves, metres and radians: below it the schedule skips to its last, tightest step.
+    pub const CONVERGED_STEP: f64 = 1e-4;
+    /// A translation, or a rotation, is free when its matches claim a larger standard deviation, metres or radians, and
+    /// it is [`Self::FREE_RATIO`] times that of the best known one.
+    pub const FREE_SIGMA: f64 = 0.0015;
+    /// See [`Self::FREE_SIGMA`].
     pub const FREE_RATIO: f64 = 10.0;
 
     /// Checks every range, NaN included.

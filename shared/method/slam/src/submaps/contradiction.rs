@@ -9,12 +9,13 @@ use crate::map::records::{JoinRecord, LoopVerdict};
 use crate::map::state::{KeyframeState, TrackerState};
 use crate::map::submaps::Origin;
 use crate::map::surfaces::KeyframeSurfaces;
-use crate::map::view_limits::{ViewLimits, optical_axis};
+use crate::map::view_limits::SAME_VIEW;
 use crate::pairs::covisibility;
 use crate::pairs::matchable::Matchable;
 use crate::pairs::matching::{PairFinder, Reach};
-use crate::pairs::verification::{self, InFront};
+use crate::pairs::verification;
 use crate::settings::GlobalSettings;
+use crate::tracking::acceptance::STRICT;
 use crate::tracking::sight::ENOUGH_FEATURES;
 use nalgebra::Vector3;
 use tessera_geometry::Pose;
@@ -23,10 +24,6 @@ use tessera_registration::{Matcher, Sampler};
 
 /// Pairs of keyframes that are asked across a join, and as many of both parts by themselves, at most.
 const MOST_ASKED: usize = 100;
-/// Share of what the one saw that floats in front of what the other saw, by which a pair contradicts.
-const MOST_IN_FRONT: f64 = 0.5 * GlobalSettings::MAX_IN_FRONT;
-/// Views that share features wherever they show the same place.
-const SAME_VIEW: ViewLimits = ViewLimits { radius_m: 0.5, angle_rad: 20.0_f64.to_radians() };
 /// What is about the place at which two components are joined, metres: both have drifted in themselves.
 const ABOUT_M: f64 = 6.0;
 
@@ -121,9 +118,13 @@ impl<'a> PairTester<'a> {
         let tested = verification::test(&mut self.matcher, &sides[0], &sides[1], &b_from_a);
         let is_enough =
             tested.overlap >= GlobalSettings::MIN_OVERLAP || tested.verdict == LoopVerdict::FreeSpaceViolated;
+        let directions = [(0, 1, b_from_a), (1, 0, b_from_a.inverse())];
+        let matcher = &mut self.matcher;
         let floats = is_enough
-            && (self.floats([&sides[0], &sides[1]], &b_from_a)
-                || self.floats([&sides[1], &sides[0]], &b_from_a.inverse()));
+            && directions.into_iter().any(|(query, target, pose)| {
+                let (query, target) = (&sides[query], &sides[target]);
+                verification::least_in_front(matcher, query, target, &pose) > STRICT.in_front
+            });
         if floats || self.shares_nothing((a, b), &sides, &b_from_a) {
             PairAnswer::Contradicts
         } else if tested.verdict == LoopVerdict::Accepted {
@@ -131,14 +132,6 @@ impl<'a> PairTester<'a> {
         } else {
             PairAnswer::Silent
         }
-    }
-
-    /// Whether too much of what the first one saw floats in front of what the second one saw: at the pair's own optimum
-    /// and where it is put, for by itself a pair was seen to end up to 0.3 m from there, where something floats.
-    fn floats(&mut self, [query, target]: [&Matchable<'_>; 2], target_from_query: &Pose) -> bool {
-        let InFront { at_optimum, as_placed } =
-            verification::in_front(&mut self.matcher, query, target, target_from_query);
-        at_optimum.min(as_placed) > MOST_IN_FRONT
     }
 
     /// Whether two that have the same view share no features, wherever they are looked for.
@@ -149,11 +142,7 @@ impl<'a> PairTester<'a> {
         b_from_a: &Pose,
     ) -> bool {
         let [pose, other] = [a, b].map(|at| self.placed[at].world_from_camera);
-        let centre = std::iter::once(((), other.translation.vector));
-        let (at, axis) = (pose.translation.vector, optical_axis(&pose));
-        if !self.context.is_colour_trusted
-            || SAME_VIEW.within(&at, &axis, centre, |()| optical_axis(&other)).is_empty()
-        {
+        if !self.context.is_colour_trusted || !SAME_VIEW.hold(&pose, &other) {
             return false;
         }
         let seen = [&sides[0], &sides[1]].map(|side| side.seen(self.context));

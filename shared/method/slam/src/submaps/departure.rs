@@ -6,6 +6,7 @@
 //! on the map was wrong. Where it reaches its bound, a submap begins with that keyframe. If that was wrong, the next
 //! place that both know joins them again.
 
+use crate::estimation::FALSE_ALARMS;
 use crate::evidence::same_place;
 use crate::evidence::sequential::SequentialTest;
 use crate::map::cause::Cause;
@@ -13,7 +14,7 @@ use crate::map::detection;
 use crate::map::records::{ContradictionRecord, FrameRecord, MapChange, SplitRecord};
 use crate::map::state::KeyframeState;
 use crate::map::submaps::Submaps;
-use crate::map::view_limits::ViewLimits;
+use crate::map::view_limits::SAME_VIEW;
 use crate::pairs::matchable::Matchable;
 use crate::pairs::matching::Reach;
 use crate::tracking::alignment::Aligner;
@@ -23,12 +24,6 @@ use crate::tracking::window::{self, Member};
 use crate::tracking::window_alignment::reference;
 use tessera_geometry::Pose;
 use tessera_registration::Sampler;
-
-/// Share of looks at which a map that is right is taken as left, at most: a cumulative sum that restarts at 0 comes to
-/// `ln(1 / p)` once in `1 / p` looks or less often (Page 1954, Lorden 1971).
-const FALSE_DEPARTURES: f64 = 2e-3;
-/// Keyframes of long ago that look at what the frame looks at: a pair is aligned from where the map has it.
-const SAME_VIEW: ViewLimits = ViewLimits { radius_m: 0.7, angle_rad: 25.0_f64.to_radians() };
 
 /// The record with the evidence against the map so far, and with a split once that is certain.
 pub(crate) fn with_departure(
@@ -46,7 +41,8 @@ pub(crate) fn with_departure(
         None => known,
     };
     record.change.contradiction = contradiction;
-    let is_certain = |known: &ContradictionRecord| known.sum_nats() >= -libm::log(FALSE_DEPARTURES);
+    // A cumulative sum that restarts at 0 comes to `ln(1 / p)` once in `1 / p` looks or less often (Page 1954, Lorden 1971).
+    let is_certain = |known: &ContradictionRecord| known.sum_nats() >= -libm::log(FALSE_ALARMS);
     match contradiction.filter(is_certain) {
         // Drift misses what is near by the poses; what it sees is another part of the same map, unless frame after
         // frame is seen in another one.

@@ -11,7 +11,7 @@ use crate::pairs::matchable::Matchable;
 use crate::pairs::verification::{self, Tested};
 use crate::settings::GlobalSettings;
 use crate::submaps::contradiction;
-use crate::tracking::acceptance::{self, STRICT};
+use crate::tracking::acceptance;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::covariance;
 use crate::tracking::found_place::{self, Shown};
@@ -30,8 +30,6 @@ use tessera_registration::Sampler;
 /// Frames of a turn: one look in each, so that no frame takes long, and neighbours in time see the same and
 /// confirm little.
 const TURN_FRAMES: u64 = 3;
-/// Frames from one look for a sighting to the next: every other turn.
-const LOOK_FRAMES: u64 = 2 * TURN_FRAMES;
 /// Turns from one search by shape alone to the next, which tries many alignments.
 const TURNS_BY_SHAPE: u64 = 6;
 
@@ -133,7 +131,9 @@ fn confirmed(
             let novelty =
                 before.map_or(0.0, |before| found_place::novelty_beside(input, aligner, &before, &pose));
             let last = input.map.state().recent.last().map_or(input.frame.stamp_nanos, |l| l.stamp_nanos);
-            let step_nanos = input.frame.stamp_nanos.saturating_sub(last).saturating_mul(LOOK_FRAMES as i64);
+            // It has every other turn.
+            let step_nanos =
+                input.frame.stamp_nanos.saturating_sub(last).saturating_mul(2 * TURN_FRAMES as i64);
             found_place::with_view(test, shown.llr_nats(), novelty, step_nanos)
         }
     };
@@ -153,7 +153,7 @@ pub(crate) fn seen_at(
     let guess = Prediction { velocity, ..place(&other, expected) };
     let members = nearby_keyframes(&other, expected, usize::MAX);
     let found = align_to(&other, aligner, members, other.samples, &guess);
-    acceptance::strict(&STRICT, &found.alignment).ok()?;
+    acceptance::strict(&found.alignment).ok()?;
     Some(found)
 }
 
@@ -172,7 +172,7 @@ pub(crate) fn coincides(
     let a = &found.alignment;
     let alignment = metric_covariance(&a.information, aligner.metric_factor(input.context))?;
     let [own_then, seen_then] = [known.own, known.seen].map(|id| input.map.keyframe(id));
-    let (own_then, seen_then, nearest) = (own_then?, seen_then?, nearest_of(input, found)?);
+    let (own_then, seen_then, nearest) = (own_then?, seen_then?, found.keyframes(input.map).next()?);
     // What has no covariance, as a map's first keyframe, is where it is.
     let uncertain = |k: &KeyframeState| {
         UncertainPose::read(&k.world_from_camera, &k.covariance)
@@ -194,7 +194,7 @@ fn sighting(
     found: &WindowAlignment,
     evidence_nats: f64,
 ) -> Option<SightingRecord> {
-    let seen = nearest_of(input, found)?;
+    let seen = found.keyframes(input.map).next()?;
     let seen_from_camera = Pose::from(&seen.world_from_camera).inverse() * found.alignment.world_from_camera;
     let (own, own_from_camera) = own_from_camera(input, record)?;
     let seen_from_own = seen_from_camera * own_from_camera.inverse();
@@ -216,17 +216,6 @@ fn own_from_camera(input: &TrackingInput<'_>, record: &FrameRecord) -> Option<(u
     let last = input.map.last_keyframe()?;
     let own_from_world = Pose::from(&last.world_from_camera).inverse();
     Some((last.id, own_from_world * Pose::from(&record.pose.world_from_camera)))
-}
-
-/// The keyframe that an alignment has as its first member: the nearest one.
-pub(crate) fn nearest_of<'a>(
-    input: &TrackingInput<'a>,
-    found: &WindowAlignment,
-) -> Option<&'a KeyframeState> {
-    found.members.iter().find_map(|member| match member {
-        Member::Keyframe(id) => input.map.keyframe(*id),
-        Member::Recent(_) => None,
-    })
 }
 
 /// From the gauge of the camera's submap to that of the other one.

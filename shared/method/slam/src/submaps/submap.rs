@@ -2,14 +2,11 @@
 
 use crate::map::cause::Cause;
 use crate::map::records::FrameRecord;
+use crate::map::state::MOST_COASTED_S;
 use crate::tracking::frame_record::{first_record, lost_record};
 use crate::tracking::input::TrackingInput;
 use crate::tracking::prediction::Prediction;
 use crate::tracking::upright;
-
-/// Longest time between two frames that counts as time lost, nanoseconds: a gap in a recording says
-/// nothing of the places that were looked for.
-const LONGEST_STEP_NANOS: i64 = 1_000_000_000;
 
 /// The record of a frame whose place was not found: lost, or the first frame of a submap.
 pub(crate) fn lost_or_new(
@@ -31,7 +28,8 @@ pub(crate) fn lost_or_new(
     first_record(&input.in_submap(submap), &prediction, causes)
 }
 
-/// Time lost with this frame, nanoseconds; it stands still while there is little to see.
+/// Time lost with this frame, nanoseconds; it stands still while there is little to see, and a gap in a recording says
+/// nothing of the places that were looked for.
 fn lost_nanos(input: &TrackingInput<'_>) -> i64 {
     let state = input.map.state();
     let registration = &input.context.registration;
@@ -40,6 +38,6 @@ fn lost_nanos(input: &TrackingInput<'_>) -> i64 {
         return state.lost_nanos;
     }
     let last_nanos = state.recent.last().map_or(input.frame.stamp_nanos, |last| last.stamp_nanos);
-    let step = input.frame.stamp_nanos.saturating_sub(last_nanos).clamp(0, LONGEST_STEP_NANOS);
+    let step = input.frame.stamp_nanos.saturating_sub(last_nanos).clamp(0, (1e9 * MOST_COASTED_S) as i64);
     state.lost_nanos.saturating_add(step)
 }

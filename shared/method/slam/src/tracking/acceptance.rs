@@ -5,16 +5,13 @@ use crate::pairs::keyframe_pair::MIN_FEATURES;
 use crate::settings::WindowSettings;
 use crate::tracking::alignment::Alignment;
 
-/// Features that agree with a pose where little of the surface does, at least.
-pub(crate) const AGREEING: u32 = 20;
-
 /// Failure tests for a frame whose motion was predicted.
 pub(crate) fn tracking(w: &WindowSettings, a: &Alignment) -> Result<(), Cause> {
     if !a.is_solved {
         return Err(Cause::Unsolved);
     }
     let fit = best_fit(a);
-    if a.n_agreeing >= AGREEING && fit.in_front <= w.max_in_front {
+    if a.n_agreeing >= MIN_FEATURES && fit.in_front <= w.max_in_front {
         return Ok(());
     }
     let (share, sigmas) = (a.match_share(), a.residual_sigmas());
@@ -34,11 +31,10 @@ pub(crate) fn tracking(w: &WindowSettings, a: &Alignment) -> Result<(), Cause> {
 /// Shares and residual against the reference with most matches.
 fn best_fit(a: &Alignment) -> ReferenceFit {
     let best = a.reports.iter().max_by_key(|report| report.n_matches).copied().unwrap_or_default();
-    let share = |part: u32, whole: u32| f64::from(part) / f64::from(whole.max(1));
     ReferenceFit {
-        in_view: share(best.n_in_view, best.n_queries),
-        matched: share(best.n_matches, best.n_in_view),
-        in_front: share(best.n_in_front, best.n_in_view),
+        in_view: best.in_view(),
+        matched: best.matched(),
+        in_front: best.in_front(),
         residual_sigmas: f64::from(best.median_residual_sigmas),
         n_agreeing: None,
     }
@@ -51,24 +47,21 @@ pub(crate) struct StrictLimits {
     /// Least share of that part that has a match.
     matched: f64,
     /// Largest share of that part that floats in front of what it saw.
-    in_front: f64,
+    pub(crate) in_front: f64,
     /// Largest median normal residual, standard deviations of depth.
     residual_sigmas: f64,
 }
 
 pub(crate) const STRICT: StrictLimits =
     StrictLimits { in_view: 0.3, matched: 0.5, in_front: 0.1, residual_sigmas: 0.7 };
-/// For the first alignment of a candidate.
-pub(crate) const COARSE: StrictLimits =
-    StrictLimits { in_view: 0.24, matched: 0.35, in_front: 0.2, residual_sigmas: 1.05 };
 
 /// Strict tests, for a frame that may be anywhere: the best reference sees enough of it, nearly all
 /// of that matches, and almost nothing violates free space.
-pub(crate) fn strict(r: &StrictLimits, a: &Alignment) -> Result<ReferenceFit, Cause> {
+pub(crate) fn strict(a: &Alignment) -> Result<ReferenceFit, Cause> {
     if !a.is_solved {
         return Err(Cause::Unsolved);
     }
-    let fit = best_fit(a);
+    let (r, fit) = (&STRICT, best_fit(a));
     if a.n_agreeing >= MIN_FEATURES && fit.in_front <= r.in_front {
         return Ok(ReferenceFit { n_agreeing: Some(a.n_agreeing), ..fit });
     }

@@ -1,13 +1,11 @@
 //! Keyframes that look like a new one, wherever they lie: loops that drift hides from the poses.
 
+use crate::evidence::same_place::LEAST_OF_POSE;
 use crate::map::appearance::similarity;
 use crate::map::detection;
 use crate::map::state::KeyframeState;
 use crate::tracking::input::{FrameSurface, TrackingInput};
 use crate::tracking::sight::Sight;
-
-/// Words that they share at least: of places in the simulated house the first wrong answer has ten.
-const MIN_WORDS: usize = 12;
 
 /// Keyframes with which a new one, made of `frame`, may close a loop, the most alike first. The
 /// optimiser verifies them.
@@ -24,7 +22,8 @@ pub(crate) fn alike(
     let mut alike = Vec::new();
     if input.context.mapping.features.enabled && input.context.is_colour_trusted {
         let n = input.context.mapping.relocalise.n_recognised as usize;
-        alike = sight.recognise(input, frame.features, [n, MIN_WORDS], closes_loop);
+        // Of places in the simulated house the first wrong answer has ten words.
+        alike = sight.recognise(input, frame.features, [n, LEAST_OF_POSE], closes_loop);
     }
     let older = input.map.active().filter(|older| closes_loop(older));
     let best = older

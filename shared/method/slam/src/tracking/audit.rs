@@ -5,7 +5,7 @@
 //! A direction that the surfaces leave open, as those of a corridor or of one wall do, is not judged: their covariance
 //! is large there.
 
-use crate::estimation::colour_model::{ColourRecord, ColourState};
+use crate::estimation::colour_model::{AUDITED_EVERY, ColourRecord, ColourState};
 use crate::map::records::State;
 use crate::settings::WindowSettings;
 use crate::tracking::alignment::Aligner;
@@ -17,9 +17,8 @@ use crate::tracking::turn::turn;
 use crate::tracking::window::Member;
 use crate::tracking::window_alignment::{WindowAlignment, reference};
 
-/// Frames that are all audited at first; from then on one of so many is.
+/// Frames that are all audited at first.
 const ALL_UNTIL: u32 = 40;
-const EVERY: u64 = 8;
 
 /// Audit of a frame's colour; `None` where it is not due, or too few features match.
 pub(crate) fn colour_record(
@@ -30,8 +29,9 @@ pub(crate) fn colour_record(
     makes_keyframe: bool,
 ) -> Option<ColourRecord> {
     let colour = &input.map.state().colour;
-    let is_due =
-        colour.n_frames < ALL_UNTIL || !colour.is_trusted() || turn(input, EVERY, makes_keyframe).is_some();
+    let is_due = colour.n_frames < ALL_UNTIL
+        || !colour.is_trusted()
+        || turn(input, AUDITED_EVERY, makes_keyframe).is_some();
     if !is_due || aligner.sight.n_features() == 0 || aligned.state != State::Tracking {
         return None;
     }

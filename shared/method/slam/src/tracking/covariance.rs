@@ -9,7 +9,8 @@ use crate::map::cause::MotionKind;
 use crate::map::context::Context;
 use crate::map::map_view::MapView;
 use crate::map::state::MOST_COASTED_S;
-use crate::tracking::acceptance::AGREEING;
+use crate::pairs::keyframe_pair::MIN_FEATURES;
+use crate::settings::GlobalSettings;
 use crate::tracking::alignment::Alignment;
 use crate::tracking::degeneracy::{DegenerateDirection, centroid};
 use crate::tracking::input::FrameSurface;
@@ -28,8 +29,11 @@ pub(crate) fn of_world(
     frame: &FrameSurface<'_>,
 ) -> Matrix6 {
     let a = &aligned.alignment;
-    let is_seen = a.n_agreeing >= AGREEING;
-    let is_good = |place: usize| is_seen || a.reports[place].n_matches * 5 >= a.reports[place].n_queries;
+    let is_seen = a.n_agreeing >= MIN_FEATURES;
+    let is_good = |place: usize| {
+        let [n_matches, n_queries] = [a.reports[place].n_matches, a.reports[place].n_queries].map(f64::from);
+        is_seen || n_matches >= GlobalSettings::MIN_OVERLAP * n_queries
+    };
     let deviation = map.state().motion.velocity_deviation();
     let last = map.state().recent.last().map_or(frame.stamp_nanos, |last| last.stamp_nanos);
     let seconds = (frame.stamp_nanos.saturating_sub(last) as f64 * 1e-9).clamp(0.0, MOST_COASTED_S);

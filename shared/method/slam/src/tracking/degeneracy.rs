@@ -4,6 +4,7 @@
 //! the other has been eliminated (Schur), and the motion is measured at the centroid of the scene:
 //! about a camera far from it, rotation and translation are nearly the same thing.
 
+use crate::estimation::motion_filter::FRAME_S;
 use crate::map::cause::{DegenerateMotion, MotionKind};
 use crate::map::context::Context;
 use crate::settings::WindowSettings;
@@ -56,18 +57,15 @@ pub(crate) fn degenerate_directions(
     let block = |r: usize, c: usize| h.fixed_view::<3, 3>(r, c).into_owned();
     let (tt, tr, rr) = (block(0, 0), block(0, 3), block(3, 3));
     // A little information everywhere, far below any limit, keeps the inverses finite.
-    let floor = |limit: f64| Matrix3::identity() * (1e-4 / (limit * limit));
-    let (limit_m, limit_rad) =
-        (WindowSettings::FREE_TRANSLATION_M, WindowSettings::FREE_ROTATION_DEG.to_radians());
+    let limit = WindowSettings::FREE_SIGMA;
+    let floor = Matrix3::identity() * (1e-4 / (limit * limit));
     let schur = |a: &Matrix3<f64>, b: &Matrix3<f64>, d: &Matrix3<f64>| {
         d.try_inverse().map_or(*a, |inverse| a - b * inverse * b.transpose())
     };
-    let translation = schur(&tt, &tr, &(rr + floor(limit_rad)));
-    let rotation = schur(&rr, &tr.transpose(), &(tt + floor(limit_m)));
+    let translation = schur(&tt, &tr, &(rr + floor));
+    let rotation = schur(&rr, &tr.transpose(), &(tt + floor));
     let mut degenerate = Vec::new();
-    for (kind, matrix, limit) in
-        [(MotionKind::Translation, translation, limit_m), (MotionKind::Rotation, rotation, limit_rad)]
-    {
+    for (kind, matrix) in [(MotionKind::Translation, translation), (MotionKind::Rotation, rotation)] {
         let eigen = SymmetricEigen::new((matrix + matrix.transpose()) * 0.5);
         let best = 1.0 / eigen.eigenvalues.max().max(1e-12).sqrt();
         for (k, value) in eigen.eigenvalues.iter().enumerate() {
@@ -102,16 +100,12 @@ fn direction(
     DegenerateDirection { motion, tangent, coordinate }
 }
 
-/// Standard deviation at which a degenerate direction is held one thirtieth of a second after the frame
-/// before, metres or radians. A camera speeds up: it grows with the square of the time.
-const HELD: f64 = 1e-4;
-const HELD_AFTER_S: f64 = 1.0 / 30.0;
-
-/// Information that holds the degenerate directions where they are predicted, metric. `seconds` since the
+/// Information that holds the degenerate directions where they are predicted, metric: as nothing resolves them, and from
+/// frame to frame of a usual camera on with the square of the time, for a camera speeds up. `seconds` since the
 /// frame that the prediction goes by; 0 where it is no prediction but a place.
 pub(crate) fn hold(degenerate: &[DegenerateDirection], seconds: f64) -> Matrix6 {
-    let frames = (seconds / HELD_AFTER_S).max(1.0);
-    let sigma = HELD * frames * frames;
+    let frames = (seconds / FRAME_S).max(1.0);
+    let sigma = WindowSettings::CONVERGED_STEP * frames * frames;
     let mut held = Matrix6::zeros();
     for f in degenerate {
         held += f.coordinate * f.coordinate.transpose() / (sigma * sigma);

@@ -2,6 +2,7 @@
 
 use crate::evidence::same_place::PlaceEvidence;
 use crate::evidence::sequential::SequentialTest;
+use crate::map::state::MOST_COASTED_S;
 use crate::settings::RelocaliseSettings;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
@@ -10,10 +11,6 @@ use crate::tracking::window::Member;
 use crate::tracking::window_alignment::{WindowAlignment, reference};
 use tessera_geometry::Pose;
 use tessera_graph::PairBlock;
-
-/// Time in which the view of a camera at rest counts once more, and no further, nanoseconds: noise, exposure and what
-/// moves are others by then. A choice; it bounds the time to find a place from a view that tells half of what is asked.
-const SEEN_AGAIN_NANOS: f64 = 2e9;
 
 /// Evidence of a frame for its place.
 #[derive(Clone, Copy, Debug)]
@@ -97,7 +94,9 @@ pub(crate) fn with_view(
     novelty: f64,
     step_nanos: i64,
 ) -> SequentialTest {
-    let time_share = step_nanos as f64 / SEEN_AGAIN_NANOS;
+    // In a second the view of a camera at rest counts once more, and no further: noise, exposure and what moves are others
+    // by then. A choice; it bounds the time to find a place from a view that tells half of what is asked.
+    let time_share = step_nanos as f64 * 1e-9 / MOST_COASTED_S;
     test.with(llr_nats, novelty).seen_again(llr_nats, time_share - novelty)
 }
 
@@ -108,6 +107,5 @@ pub(crate) fn novelty_beside(
     before: &Reference<'_>,
     world_from_camera: &Pose,
 ) -> f64 {
-    let report = aligner.try_pose(input.context, input.samples, before, world_from_camera);
-    1.0 - f64::from(report.n_in_view) / f64::from(report.n_queries.max(1))
+    1.0 - aligner.try_pose(input.context, input.samples, before, world_from_camera).in_view()
 }

@@ -2,7 +2,7 @@
 
 use crate::map::cause::Cause;
 use crate::map::records::{
-    BlockRecord, EvidenceRecord, FrameRecord, KeyframeRecord, MapChange, PoseRecord, State, StoreSlot,
+    BlockRecord, EvidenceRecord, FrameRecord, KeyframeRecord, MapChange, PoseRecord, State,
 };
 use crate::pairs::noise_evidence::{self, FrameEvidence, PairEvidence};
 use crate::tracking::alignment::Aligner;
@@ -13,9 +13,6 @@ use crate::tracking::window::{Member, pose_and_velocity};
 use crate::tracking::window_alignment::WindowAlignment;
 use tessera_geometry::{Matrix6, Pose, PoseBits, upper_triangle};
 use tessera_graph::{PairBlock, Quadratic, entropy_of_covariance, metric_covariance};
-
-/// The keyframe of a frame before the first one.
-const NO_KEYFRAME: u32 = u32::MAX;
 
 /// The record of an accepted alignment.
 pub(crate) fn frame_record(
@@ -69,18 +66,9 @@ pub(crate) fn first_record(
 ) -> FrameRecord {
     let frame = input.frame;
     let id = input.map.n_keyframes() as u32;
-    let keyframe = KeyframeRecord {
-        id,
-        frame_index: frame.index,
-        stamp_nanos: frame.stamp_nanos,
-        world_from_camera: PoseBits::from(&prediction.world_from_camera),
-        velocity: [0.0; 6],
-        slot: StoreSlot::default(),
-        edges: Vec::new(),
-        place: input.ferns.code(&frame.surface),
-        alike: Vec::new(),
-        retires: Vec::new(),
-    };
+    let pose = PoseBits::from(&prediction.world_from_camera);
+    let place = input.ferns.code(&frame.surface);
+    let keyframe = KeyframeRecord::new(id, (frame.index, frame.stamp_nanos), pose, place);
     let record = record_at(input, &prediction.world_from_camera);
     FrameRecord {
         state: State::Tracking,
@@ -119,7 +107,8 @@ fn record_at(input: &TrackingInput<'_>, world_from_camera: &Pose) -> FrameRecord
         pose: PoseRecord {
             world_from_camera: PoseBits::from(world_from_camera),
             world_from_odom: input.map.state().world_from_odom.unwrap_or(PoseBits::IDENTITY),
-            keyframe: keyframe.map_or(NO_KEYFRAME, |k| k.id),
+            // None before the first one.
+            keyframe: keyframe.map_or(u32::MAX, |k| k.id),
             keyframe_from_camera: PoseBits::from(&(world_from_keyframe.inverse() * world_from_camera)),
             rotation: frame.rotation,
             ..PoseRecord::default()

@@ -1,16 +1,14 @@
 //! Tracking from the frame before: the prediction, and the hypotheses tried where it is in doubt
 //! (method 6).
 //!
-//! A hypothesis is an entry of [`HYPOTHESES`]: when it is tried, its initial guess with its search settings, and
-//! what a result must show beside the strict tests. One loop walks the table. What fits nowhere about the last pose is
-//! left to relocalisation.
+//! What fits nowhere about the last pose is left to relocalisation.
 
 use crate::map::cause::Cause;
 use crate::settings::WindowSettings;
-use crate::tracking::acceptance::{self, STRICT};
-use crate::tracking::alignment::{Aligner, Alignment};
+use crate::tracking::acceptance;
+use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
-use crate::tracking::motion_model::{place, widened};
+use crate::tracking::motion_model::widened;
 use crate::tracking::prediction::Prediction;
 use crate::tracking::rotation_hypothesis;
 use crate::tracking::start::{FeatureStart, guess_from_features};
@@ -27,35 +25,6 @@ enum Decision {
     /// It failed, or no motion was known that could be tested.
     Rejected,
 }
-
-/// Condition on a result beside the strict tests.
-#[derive(Clone, Copy, Debug)]
-enum Acceptance {
-    /// More inliers, less free-space violations, than the alignment from the prediction has.
-    MoreSupport,
-    /// No degenerate direction: along one the result is the initial guess, which predicts nothing.
-    WellConditioned,
-}
-
-/// One way in which a frame may have moved.
-struct Hypothesis {
-    after: Decision,
-    /// Initial guess and its search settings.
-    guess: fn(&TrackingInput<'_>, &mut Aligner, &Prediction) -> Option<Prediction>,
-    acceptance: Acceptance,
-}
-
-/// In the order in which they are tried; the first that is accepted counts.
-const HYPOTHESES: [Hypothesis; 3] = [
-    // A camera that turned faster than predicted may have come to rest in a local minimum.
-    Hypothesis { after: Decision::Doubtful, guess: rotated_prediction, acceptance: Acceptance::MoreSupport },
-    Hypothesis {
-        after: Decision::Rejected,
-        guess: rotated_last_pose,
-        acceptance: Acceptance::WellConditioned,
-    },
-    Hypothesis { after: Decision::Rejected, guess: last_keyframe, acceptance: Acceptance::WellConditioned },
-];
 
 /// Aligns a frame that follows a tracked one. The error is why the prediction was rejected.
 pub(crate) fn track(
@@ -131,7 +100,7 @@ fn track_from(
         }
     }
     let passed = acceptance::tracking(&input.context.mapping.window, &first.alignment);
-    let is_strict = acceptance::strict(&STRICT, &first.alignment).is_ok();
+    let is_strict = acceptance::strict(&first.alignment).is_ok();
     let verdict = match (is_strict, prediction.is_known && passed.is_ok()) {
         (true, _) => Decision::Accepted,
         // What features agree on is no guess of the motion.
@@ -139,38 +108,34 @@ fn track_from(
         (false, true) => Decision::Doubtful,
         (false, false) => Decision::Rejected,
     };
-    for hypothesis in HYPOTHESES.iter().filter(|h| h.after == verdict) {
-        if let Some(found) = hypothesis.test(input, aligner, prediction, &first) {
-            return Ok(found);
+    let other = match verdict {
+        Decision::Accepted => None,
+        // A camera that turned faster than predicted may have come to rest in a local minimum.
+        Decision::Doubtful => {
+            let guess = rotated_prediction(input, aligner, prediction);
+            strictly_aligned(input, aligner, &guess)
+                .filter(|found| found.alignment.support() > first.alignment.support())
         }
+        // Along a degenerate direction the result would be the initial guess, which predicts nothing.
+        Decision::Rejected => {
+            let guess = rotated_last_pose(input, aligner, prediction);
+            strictly_aligned(input, aligner, &guess).filter(|found| found.alignment.degenerate.is_empty())
+        }
+    };
+    if let Some(found) = other {
+        return Ok(found);
     }
     if verdict == Decision::Accepted { Ok(first) } else { passed.map(|()| first) }
 }
 
-impl Hypothesis {
-    /// The result, where it is accepted.
-    fn test(
-        &self,
-        input: &TrackingInput<'_>,
-        aligner: &mut Aligner,
-        prediction: &Prediction,
-        first: &WindowAlignment,
-    ) -> Option<WindowAlignment> {
-        let guess = (self.guess)(input, aligner, prediction)?;
-        let found = align_to_window(input, aligner, &guess);
-        let is_good = acceptance::strict(&STRICT, &found.alignment).is_ok()
-            && self.acceptance.is_met(&found.alignment, &first.alignment);
-        is_good.then_some(found)
-    }
-}
-
-impl Acceptance {
-    fn is_met(self, found: &Alignment, first: &Alignment) -> bool {
-        match self {
-            Self::MoreSupport => found.support() > first.support(),
-            Self::WellConditioned => found.degenerate.is_empty(),
-        }
-    }
+/// The frame aligned from a guess; `None` where it does not pass the strict tests.
+fn strictly_aligned(
+    input: &TrackingInput<'_>,
+    aligner: &mut Aligner,
+    guess: &Prediction,
+) -> Option<WindowAlignment> {
+    let found = align_to_window(input, aligner, guess);
+    acceptance::strict(&found.alignment).is_ok().then_some(found)
 }
 
 /// The prediction with the rotation that has most support.
@@ -178,9 +143,9 @@ fn rotated_prediction(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
     prediction: &Prediction,
-) -> Option<Prediction> {
+) -> Prediction {
     let wide = Prediction { is_known: false, ..widened(input, prediction) };
-    Some(rotation_hypothesis::best_rotation(input, aligner, &wide))
+    rotation_hypothesis::best_rotation(input, aligner, &wide)
 }
 
 /// The last pose with the rotation that a gyroscope measured, or that has most support.
@@ -188,7 +153,7 @@ fn rotated_last_pose(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
     prediction: &Prediction,
-) -> Option<Prediction> {
+) -> Prediction {
     let mut guess = widened(input, prediction);
     if let Some(last) = input.map.state().recent.last() {
         guess.world_from_camera = Pose::from(&last.world_from_camera);
@@ -197,11 +162,5 @@ fn rotated_last_pose(
             guess.world_from_camera.rotation = prediction.world_from_camera.rotation;
         }
     }
-    Some(rotation_hypothesis::best_rotation(input, aligner, &guess))
-}
-
-/// The pose of the last keyframe that this run made.
-fn last_keyframe(input: &TrackingInput<'_>, _: &mut Aligner, _: &Prediction) -> Option<Prediction> {
-    let keyframe = input.map.last_own_keyframe();
-    keyframe.map(|k| place(input, &Pose::from(&k.world_from_camera)))
+    rotation_hypothesis::best_rotation(input, aligner, &guess)
 }

@@ -2,10 +2,9 @@
 
 use crate::map::detection;
 use crate::map::state::KeyframeState;
-use crate::tracking::acceptance::AGREEING;
+use crate::pairs::keyframe_pair::MIN_FEATURES;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
-use crate::tracking::window::Member;
 use crate::tracking::window_alignment::WindowAlignment;
 use tessera_geometry::Pose;
 
@@ -14,11 +13,9 @@ pub(crate) fn old_members<'a>(
     input: &TrackingInput<'a>,
     aligned: &WindowAlignment,
 ) -> impl Iterator<Item = &'a KeyframeState> {
-    let keyframes = aligned.members.iter().filter_map(|member| match member {
-        Member::Keyframe(id) => input.map.keyframe(*id),
-        Member::Recent(_) => None,
-    });
-    keyframes.filter(|k| detection::is_loop(&input.context.mapping.loops, input.map, k, input.frame.index))
+    aligned
+        .keyframes(input.map)
+        .filter(|k| detection::is_loop(&input.context.mapping.loops, input.map, k, input.frame.index))
 }
 
 /// Whether features of a keyframe of long ago agree with the pose to which the window's surfaces brought the frame.
@@ -26,6 +23,6 @@ pub(crate) fn is_in_place(input: &TrackingInput<'_>, aligner: &Aligner, aligned:
     let world_from_camera = &aligned.alignment.world_from_camera;
     old_members(input, aligned).any(|old| {
         let at = Pose::from(&old.world_from_camera).inverse() * world_from_camera;
-        aligner.sight.n_agreeing_with((true, u64::from(old.id)), &at) >= AGREEING as usize
+        aligner.sight.n_agreeing_with((true, u64::from(old.id)), &at) >= MIN_FEATURES as usize
     })
 }

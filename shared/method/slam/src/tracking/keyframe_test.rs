@@ -14,10 +14,15 @@ pub(crate) struct Distance<'a> {
     pub(crate) reference_entropy: Option<f64>,
 }
 
+/// Whether a motion exceeds the limits.
+pub(crate) fn is_far(settings: &KeyframeSettings, motion: &Pose) -> bool {
+    let (translation_m, rotation_rad) = translation_rotation_norms(motion);
+    translation_m > settings.translation_m || rotation_rad > settings.rotation_deg.to_radians()
+}
+
 /// Fixed limits on motion first, then the entropy of eq. 15 by difference or by ratio.
 pub(crate) fn is_due(settings: &KeyframeSettings, distance: &Distance<'_>) -> bool {
-    let (translation_m, rotation_rad) = translation_rotation_norms(distance.keyframe_from_camera);
-    if translation_m > settings.translation_m || rotation_rad > settings.rotation_deg.to_radians() {
+    if is_far(settings, distance.keyframe_from_camera) {
         return true;
     }
     let Some(reference) = distance.reference_entropy else { return false };

@@ -3,14 +3,10 @@
 
 use crate::map::records::State;
 use crate::map::state::{MOST_COASTED_S, RecentFrame};
-use crate::settings::WindowSettings;
 use crate::tracking::input::TrackingInput;
 use crate::tracking::prediction::Prediction;
 use nalgebra::Vector3;
 use tessera_geometry::{Pose, RelativeRotation, Twist, Vector6, compose_normalised, log};
-
-/// A measured rotation less certain than this is worse than constant velocity, radians.
-const MOST_INERTIAL_SIGMA_RAD: f64 = 0.1;
 
 /// An initial guess that no motion leads to, with the widest search.
 pub(crate) fn place(input: &TrackingInput<'_>, world_from_camera: &Pose) -> Prediction {
@@ -23,7 +19,7 @@ pub(crate) fn place(input: &TrackingInput<'_>, world_from_camera: &Pose) -> Pred
         rotation_sigma_rad: None,
         motion: None,
         first_distance_m: window.max_first_distance_m,
-        outer_iterations: WindowSettings::RETRY_ITERATIONS,
+        outer_iterations: window.outer_iterations,
     }
 }
 
@@ -32,7 +28,7 @@ pub(crate) fn widened(input: &TrackingInput<'_>, prediction: &Prediction) -> Pre
     let window = &input.context.mapping.window;
     Prediction {
         first_distance_m: window.max_first_distance_m,
-        outer_iterations: WindowSettings::RETRY_ITERATIONS,
+        outer_iterations: window.outer_iterations,
         ..*prediction
     }
 }
@@ -88,7 +84,7 @@ pub(crate) fn predict(input: &TrackingInput<'_>) -> Prediction {
     }
 }
 
-/// The gyroscope's rotation since the last frame, where the source has one that is certain enough.
+/// The gyroscope's rotation since the last frame, where the source has one.
 fn measured_rotation(
     input: &TrackingInput<'_>,
     last: &RecentFrame,
@@ -96,6 +92,5 @@ fn measured_rotation(
 ) -> Option<RelativeRotation> {
     let (earlier, later) = (last.rotation?, input.frame.rotation?);
     let is_used = input.context.mapping.window.inertial_rotation && seconds > 0.0;
-    let measured = earlier.until(&later, seconds);
-    (is_used && measured.sigma_rad < MOST_INERTIAL_SIGMA_RAD).then_some(measured)
+    is_used.then(|| earlier.until(&later, seconds))
 }

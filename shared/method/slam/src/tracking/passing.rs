@@ -7,31 +7,25 @@ use crate::map::context::Context;
 use crate::map::culling::LOOKED_BACK_NANOS;
 use crate::map::keyframe::KeyframeState;
 use crate::map::map_view::MapView;
+use crate::settings::MappingSettings;
 use crate::tracking::input::{MIN_SAMPLES, TrackingInput};
+use crate::tracking::keyframe_test;
 use crate::tracking::prediction::{Prediction, Reference};
 use crate::tracking::sight::Sight;
 use crate::tracking::window::Member;
 use crate::tracking::window_alignment::reference;
 use nalgebra::Vector3;
-use tessera_geometry::{Pose, translation_rotation_norms};
+use tessera_geometry::Pose;
 use tessera_registration::{FreeSpaceView, GridCamera, Sample, mark_free_space};
-use tessera_surface::SurfaceView;
+use tessera_surface::{SurfaceView, Vertex};
 
 /// Keyframes that are asked, no older than [`LOOKED_BACK_NANOS`], and the time between them and before the frame,
 /// nanoseconds: in less, little has moved.
 const MOST_ASKED: usize = 3;
 const APART_NANOS: i64 = 400_000_000;
-/// Motion since the last frame up to which a prediction is precise, metres and radians.
-const MOST_MOVED_M: f64 = 0.06;
-const MOST_TURNED_RAD: f64 = 4.0_f64.to_radians();
 /// How far behind a point a keyframe must have seen, metres, and standard deviations of both depths.
 const BEHIND_M: f32 = 0.1;
 const BEHIND_SIGMAS: f32 = 3.0;
-/// Vertices about the place that must all lie behind it: an edge may be a cell away.
-const LEAST_BEHIND: usize = 6;
-/// Share of the samples that may have moved: less is noise, more is a pose that is wrong.
-const LEAST_SHARE: f64 = 0.05;
-const MOST_SHARE: f64 = 0.75;
 
 /// Samples of a frame that are at rest, and features as well; `None` where it has all of them left.
 pub(crate) fn at_rest(
@@ -62,7 +56,8 @@ impl<'a> SeenThrough<'a> {
     fn from(input: &TrackingInput<'a>, prediction: &Prediction) -> Self {
         let context = input.context;
         let is_robust = context.registration.weight.robust_sigmas > 0.0;
-        let is_wanted = context.mapping.window.at_rest_only && is_robust && is_precise(prediction);
+        let is_wanted =
+            context.mapping.window.at_rest_only && is_robust && is_precise(&context.mapping, prediction);
         let ids = if is_wanted { asked(&input.map, input.frame.stamp_nanos) } else { Vec::new() };
         let view = |id| {
             let Reference { surface, world_from_camera, .. } = reference(input, Member::Keyframe(id))?;
@@ -85,10 +80,9 @@ impl<'a> SeenThrough<'a> {
         let have_moved: Vec<bool> =
             samples.iter().zip(&views).map(|(s, views)| has_moved(s, *views)).collect();
         let n_at_rest = have_moved.iter().filter(|has_moved| !**has_moved).count();
-        let share = 1.0 - n_at_rest as f64 / samples.len() as f64;
-        let is_enough = n_at_rest >= MIN_SAMPLES;
         let at_rest = samples.iter().zip(&have_moved).filter(|(_, has_moved)| !**has_moved);
-        (is_enough && (LEAST_SHARE..=MOST_SHARE).contains(&share))
+        (MIN_SAMPLES..samples.len())
+            .contains(&n_at_rest)
             .then(|| at_rest.map(|(sample, _)| *sample).collect())
     }
 
@@ -120,7 +114,7 @@ impl<'a> SeenThrough<'a> {
 }
 
 impl PastView<'_> {
-    /// Whether all that was seen about the pixel of a point lies behind it.
+    /// Whether all nine vertices about the pixel of a point were seen and lie behind it: an edge may be a cell away.
     fn is_before(&self, context: &Context, point: &Vector3<f64>) -> bool {
         let Some((row, column)) = context.camera.project(point) else { return false };
         let (grid, depth_m) = (self.surface.grid, point.z as f32);
@@ -131,31 +125,23 @@ impl PastView<'_> {
         if !is_inside {
             return false;
         }
-        let mut n_behind = 0;
-        for r in row - 1..=row + 1 {
-            for c in column - 1..=column + 1 {
-                let vertex = &self.surface.vertices[r as usize * grid.width + c as usize];
-                if !vertex.is_valid() {
-                    continue;
-                }
-                let seen_m = vertex.position[2];
-                let noise_m = context.noise.sigma_m(depth_m) + context.noise.sigma_m(seen_m);
-                if seen_m < depth_m + BEHIND_M + BEHIND_SIGMAS * noise_m {
-                    return false;
-                }
-                n_behind += 1;
-            }
-        }
-        n_behind >= LEAST_BEHIND
+        let is_behind = |vertex: &Vertex| {
+            let seen_m = vertex.position[2];
+            let noise_m = context.noise.sigma_m(depth_m) + context.noise.sigma_m(seen_m);
+            vertex.is_valid() && seen_m >= depth_m + BEHIND_M + BEHIND_SIGMAS * noise_m
+        };
+        (row - 1..=row + 1).all(|row| {
+            let first = row as usize * grid.width + column as usize - 1;
+            self.surface.vertices[first..first + 3].iter().all(is_behind)
+        })
     }
 }
 
-/// Whether a prediction is as good as what is asked of it: it errs by a part of the motion since the last frame.
-fn is_precise(prediction: &Prediction) -> bool {
+/// Whether a prediction is as good as what is asked of it: it errs by a part of the motion since the last frame, which is
+/// less than from keyframe to keyframe.
+fn is_precise(settings: &MappingSettings, prediction: &Prediction) -> bool {
     let Some((previous, _)) = prediction.previous.filter(|_| prediction.is_known) else { return false };
-    let (moved_m, turned_rad) =
-        translation_rotation_norms(&(previous.inverse() * prediction.world_from_camera));
-    moved_m <= MOST_MOVED_M && turned_rad <= MOST_TURNED_RAD
+    !keyframe_test::is_far(&settings.keyframe, &(previous.inverse() * prediction.world_from_camera))
 }
 
 /// Keyframes of this run that are old enough and not too old at a time in nanoseconds, the newest first. Culled
@@ -200,7 +186,7 @@ mod tests {
             |n_before: usize| [vec![sample(0.0, 1.5); n_before], vec![sample(0.0, 2.0); 400]].concat();
         let n_at_rest = |n_before| seen.at_rest(&samples(n_before)).map(|at_rest| at_rest.len());
         assert_eq!(n_at_rest(400), Some(400));
-        assert_eq!((n_at_rest(16), n_at_rest(1600)), (None, None), "noise, and a pose that is wrong");
+        assert_eq!((n_at_rest(0), n_at_rest(16)), (None, Some(400)));
         assert_eq!(SeenThrough { context: &context, views: Vec::new() }.at_rest(&samples(400)), None);
     }
 
@@ -221,6 +207,7 @@ mod tests {
 
     #[test]
     fn a_prediction_is_precise_while_the_camera_moves_little() {
+        let settings = MappingSettings::default();
         let moved = |x_m: f64, is_known: bool| Prediction {
             world_from_camera: Pose::translation(x_m, 0.0, 0.0),
             previous: Some((Pose::identity(), 0.03)),
@@ -231,8 +218,8 @@ mod tests {
             first_distance_m: 0.1,
             outer_iterations: 6,
         };
-        assert!(is_precise(&moved(0.05, true)) && !is_precise(&moved(0.07, true)));
-        assert!(!is_precise(&moved(0.05, false)), "no motion is known");
-        assert!(!is_precise(&Prediction { previous: None, ..moved(0.05, true) }));
+        assert!(is_precise(&settings, &moved(0.09, true)) && !is_precise(&settings, &moved(0.11, true)));
+        assert!(!is_precise(&settings, &moved(0.05, false)), "no motion is known");
+        assert!(!is_precise(&settings, &Prediction { previous: None, ..moved(0.05, true) }));
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::map::culling;
 use crate::map::detection;
-use crate::map::records::{EdgeRecord, FrameRecord, KeyframeRecord, State, StoreSlot};
+use crate::map::records::{EdgeRecord, FrameRecord, KeyframeRecord, State};
 use crate::map::state::{KeyframeState, MOST_COASTED_S, RecentFrame};
 use crate::tracking::alignment::Aligner;
 use crate::tracking::alike::alike;
@@ -10,12 +10,10 @@ use crate::tracking::frame_record::frame_record;
 use crate::tracking::in_place::is_in_place;
 use crate::tracking::input::TrackingInput;
 use crate::tracking::keyframe_test::{self, Distance};
+use crate::tracking::sight::NEAR_IN_TIME;
 use crate::tracking::window::Member;
 use crate::tracking::window_alignment::WindowAlignment;
 use tessera_geometry::{Pose, log};
-
-/// While features confirm the camera's pose in the map, one keyframe in so many is searched among all others.
-const LOOKED_FOR_IN_PLACE: u32 = 4;
 
 /// A frame behind the keyframe test.
 pub(crate) struct Promoted {
@@ -37,9 +35,8 @@ pub(crate) fn with_keyframe(
     let Some(keyframe) = new_keyframe(input, aligner, &record) else {
         return Promoted { aligned, record, is_looked_for: false };
     };
-    // The window has closed what loops there are.
-    let is_looked_for =
-        keyframe.id.is_multiple_of(LOOKED_FOR_IN_PLACE) || !is_in_place(input, aligner, &aligned);
+    // While features confirm the camera's pose, the window has closed what loops there are.
+    let is_looked_for = keyframe.id.is_multiple_of(NEAR_IN_TIME) || !is_in_place(input, aligner, &aligned);
     let (aligned, record) = relative_to(input, aligner, aligned, keyframe);
     Promoted { aligned, record, is_looked_for }
 }
@@ -87,18 +84,10 @@ fn new_keyframe(
     {
         return None;
     }
-    Some(KeyframeRecord {
-        id: input.map.n_keyframes() as u32,
-        frame_index: previous.index,
-        stamp_nanos: previous.stamp_nanos,
-        world_from_camera: previous.world_from_camera,
-        velocity: central_velocity(input, previous, &Pose::from(&record.pose.world_from_camera)),
-        slot: StoreSlot::default(),
-        edges: Vec::new(),
-        place: input.ferns.code(&surface.surface),
-        alike: Vec::new(),
-        retires: Vec::new(),
-    })
+    let (id, frame) = (input.map.n_keyframes() as u32, (previous.index, previous.stamp_nanos));
+    let place = input.ferns.code(&surface.surface);
+    let velocity = central_velocity(input, previous, &Pose::from(&record.pose.world_from_camera));
+    Some(KeyframeRecord { velocity, ..KeyframeRecord::new(id, frame, previous.world_from_camera, place) })
 }
 
 /// Velocity of the previous frame from its neighbours on both sides.
@@ -128,40 +117,20 @@ fn relative_to(
             *member = Member::Keyframe(keyframe.id);
         }
     }
-    let candidate = candidate(input, &keyframe);
+    let state = input.map.state();
+    let covariance = state.recent.last().map_or(Vec::new(), |r| r.covariance.clone());
+    // As the state will hold it once the record is applied.
+    let candidate = KeyframeState::made(&keyframe, state.session, input.map.submap(), covariance);
     let input = &TrackingInput { map: input.map.with_candidate(&candidate), ..*input };
     keyframe.edges = edges(input, &aligned);
     let record = frame_record(input, aligner, &aligned, Some(keyframe));
     (aligned, record)
 }
 
-/// The new keyframe as the state will hold it once the record is applied.
-fn candidate(input: &TrackingInput<'_>, keyframe: &KeyframeRecord) -> KeyframeState {
-    let state = input.map.state();
-    KeyframeState {
-        id: keyframe.id,
-        session: state.session,
-        submap: input.map.submap(),
-        frame_index: keyframe.frame_index,
-        stamp_nanos: keyframe.stamp_nanos,
-        world_from_camera: keyframe.world_from_camera,
-        velocity: keyframe.velocity,
-        slot: keyframe.slot,
-        edges: Vec::new(),
-        covariance: state.recent.last().map_or(Vec::new(), |r| r.covariance.clone()),
-        place: Vec::new(),
-        alike: Vec::new(),
-        anchored_to: None,
-    }
-}
-
 /// The keyframes that share the window with the new one.
 fn edges(input: &TrackingInput<'_>, aligned: &WindowAlignment) -> Vec<EdgeRecord> {
     let newest = input.map.last_keyframe().map_or(0, |k| k.id);
-    let older = aligned.members.iter().filter_map(|m| match m {
-        Member::Keyframe(id) if *id != newest => input.map.keyframe(*id),
-        _ => None,
-    });
+    let older = aligned.keyframes(input.map).filter(|k| k.id != newest);
     let settings = &input.context.mapping.loops;
     let index = input.frame.index;
     let mut edges: Vec<EdgeRecord> = older

@@ -7,13 +7,15 @@
 //! Where relocalisation was asked for, the last pose is no candidate until a place is found.
 
 use crate::evidence::pose_agreement::FAR_VOLUME;
+use crate::evidence::same_place::LEAST_OF_POSE;
 use crate::evidence::sequential::{SequentialTest, TestVerdict};
 use crate::map::appearance::similarity;
 use crate::map::cause::{CandidatePlace, Cause};
 use crate::map::records::{FrameRecord, State};
 use crate::map::state::KeyframeState;
+use crate::pairs::keyframe_pair::MIN_FEATURES;
 use crate::pairs::matching::Reach;
-use crate::tracking::acceptance::{self, AGREEING, STRICT};
+use crate::tracking::acceptance;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::found_place::{self, Shown};
 use crate::tracking::input::TrackingInput;
@@ -24,11 +26,6 @@ use crate::tracking::window_alignment::{
     WindowAlignment, align_coarse_to_fine, align_to, nearby_keyframes, reference,
 };
 use tessera_geometry::Pose;
-
-/// Newest keyframes whose features are matched.
-const N_NEWEST: usize = 2;
-/// Words of a frame that a keyframe shows at least to be tried.
-const MIN_WORDS: usize = 4;
 
 /// A pose from which an alignment is tried.
 struct Candidate {
@@ -71,7 +68,7 @@ pub(crate) fn confirm(
     let shown = found_place::shown(input, aligner, &found).ok_or(Cause::NoKeyframe)?;
     match shown {
         Shown::Evidence(_) => acceptance::tracking(&input.context.mapping.window, &found.alignment)?,
-        Shown::SurfacesAlone => acceptance::strict(&STRICT, &found.alignment).map(drop)?,
+        Shown::SurfacesAlone => acceptance::strict(&found.alignment).map(drop)?,
     }
     let test = found_place::with_frame(input, aligner, &found, shown);
     if test.sum_nats <= 0.0 {
@@ -150,12 +147,17 @@ pub(crate) fn glimpse(
     keyframes: &[&KeyframeState],
     is_worth_while: impl Fn(&Pose, u32) -> bool,
 ) -> Option<WindowAlignment> {
-    let is_asked = |k: &KeyframeState| keyframes.binary_search_by_key(&k.id, |asked| asked.id).is_ok();
-    let n = input.context.mapping.relocalise.n_recognised as usize;
-    let ids = aligner.sight.recognise_frame(input, [n, MIN_WORDS], is_asked);
-    let seen = candidates_by_features(input, aligner, &ids, AGREEING as usize);
+    let ids = recognised(input, aligner, keyframes);
+    let seen = candidates_by_features(input, aligner, &ids, MIN_FEATURES as usize);
     let best = seen.into_iter().find(|candidate| is_worth_while(&candidate.guess, candidate.submap))?;
     first_that_fits(input, aligner, vec![best]).map(|place| place.found)
+}
+
+/// Those of these keyframes that show most of the frame's features.
+fn recognised(input: &TrackingInput<'_>, aligner: &mut Aligner, keyframes: &[&KeyframeState]) -> Vec<u32> {
+    let is_asked = |k: &KeyframeState| keyframes.binary_search_by_key(&k.id, |asked| asked.id).is_ok();
+    let n = input.context.mapping.relocalise.n_recognised as usize;
+    aligner.sight.recognise_frame(input, [n, LEAST_OF_POSE], is_asked)
 }
 
 /// A candidate that passed.
@@ -186,11 +188,7 @@ fn first_that_fits(
             continue;
         }
         // Of the submaps that are joined there, that of the nearest keyframe.
-        let nearest = found.members.iter().find_map(|member| match member {
-            Member::Keyframe(id) => input.map.keyframe(*id),
-            Member::Recent(_) => None,
-        });
-        let submap = nearest.map_or(candidate.submap, |k| k.submap);
+        let submap = found.keyframes(input.map).next().map_or(candidate.submap, |k| k.submap);
         let how = Cause::Found(candidate.place, fit);
         let evidence_nats = shown.llr_nats();
         return Some(FoundPlace { found: WindowAlignment { submap, evidence_nats, ..found }, how, shown });
@@ -210,7 +208,7 @@ fn supposed_candidates(
 }
 
 /// Poses of the camera by the features of keyframes, the most inliers first: the keyframes that
-/// show most of them, the newest, and others in turn.
+/// show most of them, the newest one, and the others in turn.
 fn seen_candidates(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
@@ -220,13 +218,10 @@ fn seen_candidates(
     if aligner.sight.n_features() == 0 || !input.context.is_colour_trusted {
         return Vec::new();
     }
-    let n = input.context.mapping.relocalise.n_recognised as usize;
-    let is_asked =
-        |keyframe: &KeyframeState| keyframes.binary_search_by_key(&keyframe.id, |asked| asked.id).is_ok();
-    let known = aligner.sight.recognise_frame(input, [n, MIN_WORDS], is_asked);
-    let newest = keyframes.iter().rev().take(N_NEWEST).map(|k| k.id);
-    let in_turn = keyframes.get(N_NEWEST * turn % keyframes.len().max(1));
-    let mut ids: Vec<u32> = known.into_iter().chain(newest).chain(in_turn.map(|k| k.id)).collect();
+    let known = recognised(input, aligner, keyframes);
+    let in_turn = keyframes.get(turn % keyframes.len().max(1));
+    let mut ids: Vec<u32> =
+        known.into_iter().chain([keyframes.last(), in_turn].into_iter().flatten().map(|k| k.id)).collect();
     ids.sort_unstable();
     ids.dedup();
     candidates_by_features(input, aligner, &ids, 0)

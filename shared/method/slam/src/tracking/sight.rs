@@ -3,7 +3,8 @@
 use crate::estimation::colour_model::{ColourModel, LEAST_RESIDUAL_PX};
 use crate::estimation::colour_pose::ParameterMatrix;
 use crate::estimation::noise_scales::NoiseScales;
-use crate::evidence::same_place::{self, AGREES_SQ};
+use crate::evidence::pose_agreement::CHI_SQUARE_6;
+use crate::evidence::same_place;
 use crate::map::context::Context;
 use crate::map::state::KeyframeState;
 use crate::pairs::colour_coupling::coupling;
@@ -12,6 +13,7 @@ use crate::pairs::lift::lift;
 use crate::pairs::matching::{PairFinder, Reach, Seen};
 use crate::pairs::residuals;
 use crate::pairs::weighted_pair::{FeaturePair, WeightedPair};
+use crate::settings::WindowSettings;
 use crate::tracking::input::{FrameSurface, TrackingInput};
 use crate::tracking::observed::Observed;
 use crate::tracking::prediction::Reference;
@@ -19,7 +21,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use tessera_features::{Feature, Observation, PlaceIndex};
-use tessera_geometry::{Matrix6, Pose, Twist, Vector6, compose_normalised};
+use tessera_geometry::{Matrix6, Pose, Twist, compose_normalised};
 use tessera_graph::{BlockSums, PairBlock};
 use tessera_numerics::Step;
 use tessera_surface::SurfaceView;
@@ -30,11 +32,8 @@ pub(crate) const ENOUGH_FEATURES: usize = 100;
 /// Names a surface: as [`Reference::key`].
 pub(crate) type SurfaceKey = (bool, u64);
 
-/// Surfaces of which observations, or trees, are kept beside those of this frame.
-pub(crate) const SURFACES_KEPT: usize = 24;
-/// Keyframes whose ids differ by no more show the same place, and so many are looked at for each.
-const NEAR_IN_TIME: u32 = 4;
-const NEIGHBOURS: usize = 10;
+/// Keyframes whose ids differ by no more show the same place.
+pub(crate) const NEAR_IN_TIME: u32 = 4;
 
 /// Pairs with references, those without a result too.
 type Pairs = BTreeMap<SurfaceKey, Option<Arc<FeaturePair>>>;
@@ -103,6 +102,8 @@ impl Sight {
     ) {
         self.is_repeated =
             !frame.features.is_empty() && before.is_some_and(|before| before.features == frame.features);
+        // What the frame before asked for may be asked for again.
+        self.known.retain(|_, known| known.asked_by == self.index);
         self.index = frame.index;
         self.velocity = *velocity;
         self.pairs.clear();
@@ -192,7 +193,9 @@ impl Sight {
             return Vec::new();
         }
         let is_admitted = |id: u32| admitted.get(id as usize) == Some(&true);
-        let found = places.find(features, n * NEIGHBOURS, min_words as u32, is_admitted);
+        // Of each place all may be found.
+        let n_found = n * (2 * NEAR_IN_TIME as usize + 1);
+        let found = places.find(features, n_found, min_words as u32, is_admitted);
         let mut chosen: Vec<u32> = Vec::new();
         for place in found.iter().map(|found| found.place) {
             if chosen.len() < n && chosen.iter().all(|other| other.abs_diff(place) > NEAR_IN_TIME) {
@@ -227,11 +230,6 @@ impl Sight {
         let (model, velocity) = (context.colour, reference.velocity);
         let observations: Arc<[Observation]> =
             lift(&seen_by(context, reference), reference.features, &reference.surface, &velocity).into();
-        if self.known.len() >= SURFACES_KEPT {
-            // Those that were not asked for for longest.
-            let longest = self.known.iter().min_by_key(|(_, known)| known.asked_by).map(|(key, _)| *key);
-            longest.map(|key| self.known.remove(&key));
-        }
         let (asked_by, kept) = (self.index, Arc::clone(&observations));
         self.known.insert(reference.key, KnownObservations { asked_by, model, velocity, observations: kept });
         observations
@@ -265,7 +263,7 @@ impl Sight {
             // With fewer it cannot have most.
             if inliers.len() > most {
                 let at = reference.world_from_camera.inverse() * world_from_camera;
-                most = most.max(residuals::n_within(inliers, &at, AGREES_SQ));
+                most = most.max(residuals::n_within(inliers, &at, CHI_SQUARE_6));
             }
         }
         most as u32
@@ -335,7 +333,7 @@ impl Sight {
     /// Features of a pair already found that agree with a relative pose, `target_from_query`.
     pub(crate) fn n_agreeing_with(&self, key: SurfaceKey, at: &Pose) -> usize {
         let Some(Some(pair)) = self.pairs.get(&key) else { return 0 };
-        residuals::n_within(&pair.inliers, at, AGREES_SQ)
+        residuals::n_within(&pair.inliers, at, CHI_SQUARE_6)
     }
 
     /// Judges the features that the frame shares with a keyframe by the pose that surfaces give.
@@ -379,15 +377,10 @@ pub(crate) struct Judged<'a> {
     pub(crate) parameters: ParameterMatrix,
 }
 
-/// Standard deviations of a relative pose beyond which the surfaces do not judge, metres and radians.
-const JUDGED_M: f64 = 0.002;
-const JUDGED_RAD: f64 = 0.002;
-
-/// The relative pose by the surfaces alone; as aligned where they hardly hold it.
+/// The relative pose by the surfaces alone; as aligned where they leave it free.
 fn by_surfaces(judged: &Judged<'_>) -> Pose {
     let block = PairBlock::new(&judged.origin, judged.sums);
-    let (t, r) = (judged.factor / (JUDGED_M * JUDGED_M), judged.factor / (JUDGED_RAD * JUDGED_RAD));
-    let prior = Matrix6::from_diagonal(&Vector6::new(t, t, t, r, r, r));
+    let prior = Matrix6::identity() * (judged.factor / WindowSettings::FREE_SIGMA.powi(2));
     let (h, g, _) = block.linearise(&judged.target_from_query);
     let step = (h + prior).cholesky().map(|factor| -factor.solve(&g));
     step.map_or(judged.target_from_query, |step| {

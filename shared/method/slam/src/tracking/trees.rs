@@ -3,7 +3,6 @@
 
 use crate::map::context::Context;
 use crate::tracking::prediction::Reference;
-use crate::tracking::sight::SURFACES_KEPT;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use tessera_registration::{KdTree, ShutterTable};
@@ -21,11 +20,7 @@ impl Trees {
     /// One tree for each reference; none for the projective search.
     pub(crate) fn of(&mut self, context: &Context, references: &[Reference<'_>]) -> Vec<Option<Arc<KdTree>>> {
         let trees = references.iter().map(|reference| self.tree(context, reference)).collect();
-        while self.known.len() > SURFACES_KEPT {
-            let unused = self.known.keys().copied().find(|key| references.iter().all(|r| r.key != *key));
-            let Some(key) = unused else { break };
-            self.known.remove(&key);
-        }
+        self.known.retain(|key, _| references.iter().any(|r| r.key == *key));
         trees
     }
 

@@ -6,7 +6,6 @@ use crate::map::appearance::similarity;
 use crate::map::detection::{self, Urgency};
 use crate::map::records::{FrameRecord, KeyframeRecord};
 use crate::map::state::KeyframeState;
-use crate::map::view_limits::optical_axis;
 use crate::pairs::matching::Reach;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::in_place::{is_in_place, old_members};
@@ -99,8 +98,5 @@ fn is_seen_elsewhere(
 
 /// Whether a keyframe stands near enough for the window to see it: to such a one the frame is aligned.
 fn is_near(older: &KeyframeState, world_from_camera: &Pose) -> bool {
-    let [here, there] = [*world_from_camera, Pose::from(&older.world_from_camera)];
-    let other = std::iter::once((older.id, there.translation.vector));
-    let axis_of = |_| optical_axis(&there);
-    !WINDOW_VIEWS.within(&here.translation.vector, &optical_axis(&here), other, axis_of).is_empty()
+    WINDOW_VIEWS.hold(world_from_camera, &Pose::from(&older.world_from_camera))
 }

@@ -1,11 +1,13 @@
 //! A frame aligned to a window of the map, from an initial guess (method 5.1, 6).
 
 use crate::map::cause::{Cause, ReferenceFit};
+use crate::map::map_view::MapView;
 #[cfg(doc)]
 use crate::map::records::FrameRecord;
 use crate::map::records::State;
-use crate::map::view_limits::ViewLimits;
-use crate::tracking::acceptance::{self, COARSE, STRICT};
+use crate::map::state::KeyframeState;
+use crate::pairs::covisibility;
+use crate::tracking::acceptance;
 use crate::tracking::alignment::{Aligner, Alignment};
 use crate::tracking::input::TrackingInput;
 use crate::tracking::prediction::{Prediction, Reference};
@@ -19,8 +21,6 @@ use tessera_surface::SurfaceView;
 pub(crate) const COARSE_SAMPLES: usize = 500;
 /// References of the coarse alignment.
 const COARSE_REFERENCES: usize = 2;
-/// Keyframes that may share a view with a frame whose pose is uncertain.
-const WIDE_VIEW: ViewLimits = ViewLimits { radius_m: 1.5, angle_rad: 50.0_f64.to_radians() };
 
 /// An alignment with the window it was made in.
 #[derive(Clone, Debug)]
@@ -35,6 +35,16 @@ pub(crate) struct WindowAlignment {
     pub(crate) causes: Vec<Cause>,
     /// Evidence so far where the place is not yet certain, as in [`FrameRecord::evidence_nats`].
     pub(crate) evidence_nats: f64,
+}
+
+impl WindowAlignment {
+    /// The keyframes of the window: of one about a place, the nearest first.
+    pub(crate) fn keyframes<'a>(&self, map: MapView<'a>) -> impl Iterator<Item = &'a KeyframeState> {
+        self.members.iter().filter_map(move |member| match member {
+            Member::Keyframe(id) => map.keyframe(*id),
+            Member::Recent(_) => None,
+        })
+    }
 }
 
 /// Aligns all samples to the local window about the initial guess.
@@ -81,12 +91,12 @@ pub(crate) fn align_coarse_to_fine(
     // Samples may be in any order: an even choice covers the whole frame.
     let coarse = every_nth(input.samples, COARSE_SAMPLES);
     let first = align_to(input, aligner, members, &coarse, guess);
-    acceptance::strict(&COARSE, &first.alignment).ok()?;
+    acceptance::strict(&first.alignment).ok()?;
     let found = first.alignment.world_from_camera;
     let members = nearby_keyframes(input, &found, usize::MAX);
     let guess = Prediction { world_from_camera: found, ..*guess };
     let second = align_to(input, aligner, members, input.samples, &guess);
-    let fit = acceptance::strict(&STRICT, &second.alignment).ok()?;
+    let fit = acceptance::strict(&second.alignment).ok()?;
     Some((second, fit))
 }
 
@@ -98,7 +108,7 @@ pub(crate) fn every_nth(samples: &[Sample], n: usize) -> Vec<Sample> {
 
 /// Keyframes that may share something of a view, nearest first.
 pub(crate) fn nearby_keyframes(input: &TrackingInput<'_>, view: &Pose, at_most: usize) -> Vec<Member> {
-    let near = window::near(&input.map, &WIDE_VIEW, view);
+    let near = window::near(&input.map, &covisibility::LIMITS, view);
     let size = input.context.mapping.window.size as usize;
     near.into_iter().take(at_most.min(size)).map(|(_, id)| Member::Keyframe(id)).collect()
 }
