@@ -26,6 +26,8 @@ const APART_NANOS: i64 = 400_000_000;
 /// How far behind a point a keyframe must have seen, metres, and standard deviations of both depths.
 const BEHIND_M: f32 = 0.1;
 const BEHIND_SIGMAS: f32 = 3.0;
+/// Share of the samples that must have moved: less is noise.
+const LEAST_SHARE: f64 = 0.05;
 
 /// Samples of a frame that are at rest, and features as well; `None` where it has all of them left.
 pub(crate) fn at_rest(
@@ -81,8 +83,8 @@ impl<'a> SeenThrough<'a> {
             samples.iter().zip(&views).map(|(s, views)| has_moved(s, *views)).collect();
         let n_at_rest = have_moved.iter().filter(|has_moved| !**has_moved).count();
         let at_rest = samples.iter().zip(&have_moved).filter(|(_, has_moved)| !**has_moved);
-        (MIN_SAMPLES..samples.len())
-            .contains(&n_at_rest)
+        let share = 1.0 - n_at_rest as f64 / samples.len() as f64;
+        (n_at_rest >= MIN_SAMPLES && share >= LEAST_SHARE)
             .then(|| at_rest.map(|(sample, _)| *sample).collect())
     }
 
@@ -186,7 +188,7 @@ mod tests {
             |n_before: usize| [vec![sample(0.0, 1.5); n_before], vec![sample(0.0, 2.0); 400]].concat();
         let n_at_rest = |n_before| seen.at_rest(&samples(n_before)).map(|at_rest| at_rest.len());
         assert_eq!(n_at_rest(400), Some(400));
-        assert_eq!((n_at_rest(0), n_at_rest(16)), (None, Some(400)));
+        assert_eq!((n_at_rest(16), n_at_rest(1600)), (None, Some(400)), "that is noise");
         assert_eq!(SeenThrough { context: &context, views: Vec::new() }.at_rest(&samples(400)), None);
     }
 
