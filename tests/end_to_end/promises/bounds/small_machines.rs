@@ -126,14 +126,14 @@ fn too_little_memory_is_told_and_loses_nothing() {
     assert_eq!(output.status.code(), Some(4), "{text}");
     assert!(text.contains("align ended with") && text.contains("memory"), "{text}");
     assert_resumes(&run, "after a lack of memory");
-    // Enough for the program to be loaded, and too little for a run.
+    // Enough for the program to be loaded and to name what failed, and too little for a run.
     let starts = |kilobytes: &u32| {
         let script = format!("ulimit -v {kilobytes}; exec {} --version", env!("CARGO_BIN_EXE_tessera"));
         Command::new("sh").args(["-c", &script]).output().unwrap().status.success()
     };
     let least = (10_000..400_000).step_by(2_000).find(starts).unwrap();
     let run = room().frames(FRAMES);
-    let output = run_in(&["env"], &format!(r#"ulimit -v {}; exec "$@""#, least + 2_000), &run);
+    let output = run_in(&["env"], &format!(r#"ulimit -v {}; exec "$@""#, least + 8_000), &run);
     assert!(!output.status.success() && !errors(&output).is_empty(), "{output:?}");
 }
 
