@@ -52,6 +52,7 @@ pub(crate) fn begin(folder: &Path, name: &str, camera: &Camera) -> RunFiles {
         version: env!("CARGO_PKG_VERSION").into(),
         identity,
         camera: camera.clone(),
+        stamp_sigma_s: 0.0,
         n_frames: None,
         fps: None,
         doubts: Vec::new(),
