@@ -56,9 +56,10 @@ impl LivePairing {
             return None;
         }
         let distance = |colour: i64, stamp: i64| self.offset.distance_nanos(colour.saturating_sub(stamp));
-        let near = self.colours.iter().enumerate().filter_map(|(at, colour)| {
-            Some((distance(colour.stamp_nanos, stamp)?, at, colour.stamp_nanos))
-        });
+        let near =
+            self.colours.iter().enumerate().filter_map(|(at, colour)| {
+                Some((distance(colour.stamp_nanos, stamp)?, at, colour.stamp_nanos))
+            });
         let nearest = near.min();
         // A later depth image that waits already may be nearer.
         let is_taken = |(least, _, colour): &(i64, usize, i64)| {
