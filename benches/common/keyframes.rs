@@ -7,7 +7,7 @@ use tessera_offline::Method;
 use tessera_slam::Ferns;
 use tessera_slam::{
     AlignRecord, AppliedCorrection, Context, FrameRecord, KeyframeRecord, KeyframeSurfaces, MapChange,
-    Optimiser, PoseRecord, RequestRecord, StoreSlot,
+    Optimiser, PoseRecord, RequestRecord,
 };
 use tessera_sources::{SceneName, SimulatedSource, SimulationOptions, Source};
 use tessera_surface::{SurfaceView, Vertex};
@@ -112,18 +112,7 @@ fn shaken(id: usize, pose: &Pose) -> Pose {
 fn frame(id: u32, index: u64, pose: &Pose, place: Vec<u8>) -> FrameRecord {
     let world_from_camera = PoseBits::from(pose);
     let stamp_nanos = index as i64 * 33_333_333;
-    let new_keyframe = Some(KeyframeRecord {
-        id,
-        frame_index: index,
-        stamp_nanos,
-        world_from_camera,
-        velocity: [0.0; 6],
-        slot: StoreSlot::default(),
-        edges: Vec::new(),
-        place,
-        alike: Vec::new(),
-        retires: Vec::new(),
-    });
+    let new_keyframe = Some(KeyframeRecord::new(id, (index, stamp_nanos), world_from_camera, place));
     FrameRecord {
         index,
         stamp_nanos,

@@ -131,18 +131,9 @@ impl GrowingRun {
         let (bytes, _) = store_surface(grid, &surface);
         let slot = store_slot(&self.store.append(&bytes, false).unwrap());
         self.n_keyframes += 1;
-        KeyframeRecord {
-            id: self.n_keyframes - 1,
-            frame_index: index,
-            stamp_nanos: index as i64 * 33_000_000,
-            world_from_camera: pose,
-            velocity: [0.0; 6],
-            slot,
-            edges: Vec::new(),
-            place: Vec::new(),
-            alike: Vec::new(),
-            retires: std::mem::take(&mut self.culls).into_iter().map(retired).collect(),
-        }
+        let (id, frame) = (self.n_keyframes - 1, (index, index as i64 * 33_000_000));
+        let retires = std::mem::take(&mut self.culls).into_iter().map(retired).collect();
+        KeyframeRecord { slot, retires, ..KeyframeRecord::new(id, frame, pose, Vec::new()) }
     }
 
     /// The source is exhausted, and there is nothing to be optimised.

@@ -22,8 +22,11 @@ pub struct ColourOffset {
 }
 
 impl ColourOffset {
-    /// Images belong together up to this difference, nanoseconds.
-    pub(crate) const LATEST_NANOS: i64 = USUAL_OFFSET_NANOS.saturating_add(MAX_DIFFERENCE_NANOS);
+    /// Images belong together between these differences, nanoseconds.
+    pub(crate) const WITHIN_NANOS: [i64; 2] = [
+        USUAL_OFFSET_NANOS.saturating_sub(MAX_DIFFERENCE_NANOS),
+        USUAL_OFFSET_NANOS.saturating_add(MAX_DIFFERENCE_NANOS),
+    ];
 
     /// Median deviation from the running offset, nanoseconds, up to which stamps jitter: one even over a frame at 30 Hz
     /// has twice that.

@@ -98,11 +98,11 @@ pub fn uncoloured(
     } else {
         format!("{n_without} of {n} frames have no colour")
     };
-    let limit_s = ColourOffset::LATEST_NANOS as f64 * 1e-9;
+    let [earliest_s, latest_s] = ColourOffset::WITHIN_NANOS.map(|nanos| nanos.unsigned_abs() as f64 * 1e-9);
     let why = match (reason, offset_nanos(depth_nanos, colour_nanos)) {
         (Some(reason), _) => reason.to_owned(),
         (None, Some(offset)) => format!(
-            "the colour image nearest to a depth image is {:.3} s {}, expected at most {limit_s} s; do their clocks differ?",
+            "the colour image nearest to a depth image is {:.3} s {}, expected at most {latest_s} s later or {earliest_s} s earlier; do their clocks differ?",
             offset.unsigned_abs() as f64 * 1e-9,
             if offset > 0 { "later" } else { "earlier" }
         ),

@@ -79,7 +79,7 @@ impl Pairing {
     /// Both images are stamped some time after they were taken. Of two such delays from one exponential distribution
     /// the smaller has half of their difference as its mean and its deviation: exponentials have no memory.
     pub fn stamp_sigma_s(self) -> f64 {
-        -0.5e-9 * self.taken_after_nanos as f64
+        0.5e-9 * self.taken_after_nanos.unsigned_abs() as f64
     }
 }
 

@@ -5,7 +5,7 @@ use tessera_geometry::{Pose, PoseBits, Twist, exp, translation_rotation_norms};
 use tessera_offline::Method;
 use tessera_slam::{
     AlignRecord, Context, Ferns, FrameRecord, KeyframeRecord, KeyframeSurfaces, MapChange, Optimiser,
-    PlaceCode, PoseRecord, RequestRecord, StoreSlot, similarity,
+    PlaceCode, PoseRecord, RequestRecord, similarity,
 };
 use tessera_sources::{FrameBuffers, SceneName, SimulatedSource, SimulationOptions, Source};
 use tessera_surface::{Reconstructor, SurfaceView, Vertex};
@@ -104,16 +104,8 @@ fn frame(id: u32, index: u64, pose: &Pose, alike: Vec<u32>) -> FrameRecord {
     let world_from_camera = PoseBits::from(pose);
     let stamp_nanos = index as i64 * 33_333_333;
     let keyframe = KeyframeRecord {
-        id,
-        frame_index: index,
-        stamp_nanos,
-        world_from_camera,
-        velocity: [0.0; 6],
-        slot: StoreSlot::default(),
-        edges: Vec::new(),
-        place: Vec::new(),
         alike,
-        retires: Vec::new(),
+        ..KeyframeRecord::new(id, (index, stamp_nanos), world_from_camera, Vec::new())
     };
     FrameRecord {
         index,

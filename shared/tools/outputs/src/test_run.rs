@@ -4,7 +4,7 @@ use crate::replay::Replay;
 use tessera_geometry::{Camera, Pose, PoseBits};
 use tessera_slam::{
     AlignRecord, AppliedCorrection, Cause, Correction, EdgeRecord, FrameRecord, KeyframePose, KeyframeRecord,
-    LoopRecord, LoopVerdict, MapChange, PoseRecord, SkippedFrames, State, StoreSlot, Submaps,
+    LoopRecord, LoopVerdict, MapChange, PoseRecord, SkippedFrames, State, Submaps,
 };
 use tessera_surface::Vertex;
 
@@ -19,18 +19,8 @@ fn stamp_nanos(index: u64) -> i64 {
 fn keyframe(id: u32, frame_index: u64, x: f64, edges: Vec<EdgeRecord>) -> Option<KeyframeRecord> {
     // Only keyframe 1 moves while it is exposed.
     let velocity = if id == 1 { [0.0, 1.0, 0.0, 0.0, 0.0, 0.0] } else { [0.0; 6] };
-    Some(KeyframeRecord {
-        id,
-        frame_index,
-        stamp_nanos: stamp_nanos(frame_index),
-        world_from_camera: along_x(x),
-        velocity,
-        slot: StoreSlot::default(),
-        edges,
-        place: Vec::new(),
-        alike: Vec::new(),
-        retires: Vec::new(),
-    })
+    let frame = (frame_index, stamp_nanos(frame_index));
+    Some(KeyframeRecord { velocity, edges, ..KeyframeRecord::new(id, frame, along_x(x), Vec::new()) })
 }
 
 fn frame(index: u64, anchored_to: (u32, f64), new_keyframe: Option<KeyframeRecord>) -> AlignRecord {

@@ -41,8 +41,9 @@ pub struct KeyframeRecord {
 }
 
 impl KeyframeRecord {
-    /// A keyframe at rest of which no more is known, and whose surface is not in the store yet.
-    pub(crate) fn new(id: u32, frame: (u64, i64), world_from_camera: PoseBits, place: PlaceCode) -> Self {
+    /// A keyframe at rest of which no more is known, and whose surface is not in the store yet; `frame`: index and time
+    /// in nanoseconds of what it was made of.
+    pub fn new(id: u32, frame: (u64, i64), world_from_camera: PoseBits, place: PlaceCode) -> Self {
         Self {
             id,
             frame_index: frame.0,

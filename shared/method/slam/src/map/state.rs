@@ -17,6 +17,9 @@ use crate::map::submaps::Submaps;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::{Camera, InertialRotation, Pose, PoseBits, log};
 
+/// Refused joins that are remembered: the state of a run of days stays small.
+const MOST_REFUSED: usize = 16;
+
 /// Longest time between two frames that are one run of the camera, seconds: beyond it the velocity is not used.
 pub(crate) const MOST_COASTED_S: f64 = 1.0;
 
@@ -259,6 +262,9 @@ impl TrackerState {
     }
 
     fn refuse(&mut self, join: JoinRecord) {
+        if self.refused.len() == MOST_REFUSED {
+            self.refused.remove(0);
+        }
         self.refused.push((join, self.keyframes.len() as u32));
     }
 
