@@ -1,9 +1,9 @@
 //! Runs whole sequences in one process and prints their errors.
 //!
-//! `cargo run --release -p tessera-offline --example run_sequence -- SEQUENCE... [--frames N] [--seeds N] [--every N] [--reverse] [--holes SHARE] [--colour FAULT] [--colour-of SEQUENCE] [--camera FILE] [--readout SECONDS] [--simulation 'KEY = VALUE'] [--skip N] [--json] [key=value]...`
+//! `cargo run --release -p tessera-offline --example run_sequence -- SEQUENCE... [--frames N] [--seeds N] [--every N] [--reverse] [--passes N] [--holes SHARE] [--colour FAULT] [--colour-of SEQUENCE] [--camera FILE] [--readout SECONDS] [--simulation 'KEY = VALUE'] [--skip N] [--json] [key=value]...`
 //!
 //! A SEQUENCE is a folder or a simulated scene. `--every 6` takes each sixth frame, `--reverse` goes
-//! backwards in time, `--holes 0.37` takes the depth of that share of pixels away, at random,
+//! backwards in time, `--passes 6` goes there and back so many times over it in all, `--holes 0.37` takes the depth of that share of pixels away, at random,
 //! `--colour-of` takes the colour images of another sequence of the same size, and `--camera` takes
 //! another camera: a folder's frames are as they are, a scene is rendered with it; `--readout` states another readout of
 //! frames as they are. `--json` prints a line of
@@ -14,7 +14,7 @@ mod figures;
 mod spoil;
 
 use figures::{print_figures, report};
-use spoil::{pierce, reverse, spoil_colour};
+use spoil::{pierce, reverse, spoil_colour, there_and_back};
 use std::error::Error;
 use tessera_evaluation::write_tum_row;
 use tessera_offline::{Method, RawFrame, Run};
@@ -26,6 +26,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (mut sequences, mut overrides, mut frames, mut n_seeds) = (Vec::new(), Vec::new(), None, 1);
     let mut arguments = std::env::args().skip(1);
     let mut out = None;
+    let mut n_passes = 1;
     let (mut every, mut is_reversed, mut hole_share, mut camera) = (1, false, 0.0, None);
     let mut readout_s = None;
     let mut simulation = SimulationOptions::default();
@@ -38,6 +39,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             "--out" => out = arguments.next(),
             "--every" => every = arguments.next().ok_or("--every N")?.parse::<usize>()?.max(1),
             "--reverse" => is_reversed = true,
+            "--passes" => n_passes = arguments.next().ok_or("--passes N")?.parse::<usize>()?,
             "--holes" => hole_share = arguments.next().ok_or("--holes SHARE")?.parse::<f64>()?,
             "--colour" => colour_fault = arguments.next(),
             "--colour-of" => colour_of = arguments.next(),
@@ -69,6 +71,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             reverse(&mut decoded, truth.as_mut());
         }
         let mut decoded: Vec<RawFrame> = decoded.into_iter().step_by(every).collect();
+        there_and_back(&mut decoded, truth.as_mut(), n_passes);
         pierce(&mut decoded, hole_share);
         spoil_colour(&mut decoded, colour_fault.as_deref(), source.camera().width as usize)?;
         if let Some(other) = &colour_of {

@@ -17,6 +17,32 @@ pub(super) fn reverse(frames: &mut [RawFrame], truth: Option<&mut Trajectory>) {
     }
 }
 
+/// The sequence there and back in turn, so many passes in all: a long recording of what a short one shows, with its
+/// truth.
+pub(super) fn there_and_back(frames: &mut Vec<RawFrame>, truth: Option<&mut Trajectory>, n_passes: usize) {
+    let (Some(first), Some(last)) = (frames.first(), frames.last()) else { return };
+    let (begin, end) = (first.stamp_nanos, last.stamp_nanos);
+    let span = end - begin + (end - begin) / frames.len() as i64;
+    let stamp = |pass: usize, stamp: i64| {
+        let within = if pass.is_multiple_of(2) { stamp } else { begin + end - stamp };
+        within + pass as i64 * span
+    };
+    let once = frames.clone();
+    for pass in 1..n_passes {
+        let mut again = once.clone();
+        again.iter_mut().for_each(|frame| frame.stamp_nanos = stamp(pass, frame.stamp_nanos));
+        again.sort_by_key(|frame| frame.stamp_nanos);
+        frames.extend(again);
+    }
+    let Some(truth) = truth else { return };
+    let rows = truth.stamps_nanos.iter().copied().zip(truth.poses.iter().copied());
+    let once: Vec<_> = rows.filter(|(at, _)| (begin..=end).contains(at)).collect();
+    let mut all: Vec<_> =
+        (0..n_passes).flat_map(|pass| once.iter().map(move |(at, pose)| (stamp(pass, *at), *pose))).collect();
+    all.sort_by_key(|(at, _)| *at);
+    (truth.stamps_nanos, truth.poses) = all.into_iter().unzip();
+}
+
 /// Takes the depth of a share of all pixels away: the same pixels on each run.
 pub(super) fn pierce(frames: &mut [RawFrame], share: f64) {
     let limit = (share * 2f64.powi(32)) as u64;
