@@ -7,11 +7,12 @@
 //! place that both know joins them again.
 
 use crate::estimation::FALSE_ALARMS;
+use crate::evidence::pose_agreement::FAR_VOLUME;
 use crate::evidence::same_place;
 use crate::evidence::sequential::SequentialTest;
 use crate::map::cause::Cause;
 use crate::map::detection;
-use crate::map::records::{ContradictionRecord, FrameRecord, MapChange, SplitRecord};
+use crate::map::records::{ContradictionRecord, FrameRecord, MapChange, PoseRecord, SplitRecord};
 use crate::map::state::KeyframeState;
 use crate::map::submaps::Submaps;
 use crate::map::view_limits::SAME_VIEW;
@@ -20,6 +21,7 @@ use crate::pairs::matching::Reach;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
 use crate::tracking::relocalise;
+use crate::tracking::seen_pose::known_and_seen;
 use crate::tracking::window::{self, Member};
 use crate::tracking::window_alignment::reference;
 use tessera_geometry::Pose;
@@ -33,9 +35,11 @@ pub(crate) fn with_departure(
 ) -> FrameRecord {
     let state = input.map.state();
     let known = state.contradiction;
-    let look = state.keyframes.last().filter(|_| is_compared(input)).and_then(|newest| {
-        Some((newest.id, evidence(input, aligner, &Pose::from(&record.pose.world_from_camera))?))
-    });
+    let look = state
+        .keyframes
+        .last()
+        .filter(|_| is_compared(input))
+        .and_then(|newest| Some((newest.id, evidence(input, aligner, &record.pose)?)));
     let contradiction = match look {
         Some((newest, (seen, nats))) => ContradictionRecord::with(known.as_ref(), newest, (seen, -nats)),
         None => known,
@@ -77,14 +81,14 @@ fn is_recognised(input: &TrackingInput<'_>, aligner: &mut Aligner) -> bool {
 
 /// The keyframe of long ago that is most like the frame in view, and what both show of one place, nats; `None` without
 /// one, or without features.
-fn evidence(
-    input: &TrackingInput<'_>,
-    aligner: &mut Aligner,
-    world_from_camera: &Pose,
-) -> Option<(u32, f64)> {
+///
+/// Where features make a pose, it is where the track has it but by chance: the ratio of its density there over that
+/// of any other place is evidence beside what the views show. A pose elsewhere may be drift, and tells nothing.
+fn evidence(input: &TrackingInput<'_>, aligner: &mut Aligner, pose: &PoseRecord) -> Option<(u32, f64)> {
     if !input.context.mapping.features.enabled || !input.context.is_colour_trusted {
         return None;
     }
+    let world_from_camera = &Pose::from(&pose.world_from_camera);
     let old = nearest_old(input, world_from_camera)?;
     let own = input.map.state().active().last().filter(|k| input.map.contains(k))?;
     let there = reference(input, Member::Keyframe(old.id))?;
@@ -100,14 +104,19 @@ fn evidence(
     let start = old_from_camera * camera_from_own;
     let (old_from_own, surfaces) = same_place::measure(&mut matcher, query.queries(), &target, &start);
     let at = old_from_own * camera_from_own.inverse();
-    let n_agreeing = pair.map_or(0, |pair| same_place::n_agreeing(&pair.inliers, &at));
+    let n_agreeing = pair.as_ref().map_or(0, |pair| same_place::n_agreeing(&pair.inliers, &at));
     let n_seen = [aligner.sight.n_features(), there.features.len()];
     let before = before_newest(input).and_then(|k| reference(input, Member::Keyframe(k.id)));
     let n_expected = aligner.sight.n_expected(input.context, before.as_ref(), (&there, &at));
     let agree_near = || aligner.sight.agree_near(input.context, &there, &at);
     let evidence = surfaces.with_features(n_seen, (n_agreeing, n_expected), agree_near);
     // It may have come to where surfaces are the same.
-    evidence.least_nats().map(|nats| (old.id, nats))
+    let views_nats = evidence.least_nats()?;
+    let pose_nats = pair.and_then(|pair| {
+        let [known, seen] = known_and_seen(input, old, &pair, pose)?;
+        Some(known.coincidence_nats(&seen, FAR_VOLUME).max(0.0))
+    });
+    Some((old.id, views_nats + pose_nats.unwrap_or(0.0)))
 }
 
 /// The keyframe of the camera's map before the newest one.

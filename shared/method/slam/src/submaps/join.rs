@@ -19,11 +19,12 @@ use crate::tracking::input::TrackingInput;
 use crate::tracking::motion_model::place;
 use crate::tracking::prediction::Prediction;
 use crate::tracking::relocalise;
+use crate::tracking::seen_pose;
 use crate::tracking::sight::ENOUGH_FEATURES;
 use crate::tracking::turn::turn;
 use crate::tracking::window::Member;
 use crate::tracking::window_alignment::{WindowAlignment, align_to, nearby_keyframes, reference};
-use tessera_geometry::{Matrix6, Pose, PoseBits, Twist, Vector6, compose_normalised};
+use tessera_geometry::{Pose, PoseBits, Twist, Vector6, compose_normalised};
 use tessera_graph::metric_covariance;
 use tessera_registration::Sampler;
 
@@ -173,12 +174,7 @@ pub(crate) fn coincides(
     let alignment = metric_covariance(&a.information, aligner.metric_factor(input.context))?;
     let [own_then, seen_then] = [known.own, known.seen].map(|id| input.map.keyframe(id));
     let (own_then, seen_then, nearest) = (own_then?, seen_then?, found.keyframes(input.map).next()?);
-    // What has no covariance, as a map's first keyframe, is where it is.
-    let uncertain = |k: &KeyframeState| {
-        UncertainPose::read(&k.world_from_camera, &k.covariance)
-            .unwrap_or(UncertainPose { pose: Pose::from(&k.world_from_camera), covariance: Matrix6::zeros() })
-    };
-    let [own_then, seen_then, nearest] = [own_then, seen_then, nearest].map(uncertain);
+    let [own_then, seen_then, nearest] = [own_then, seen_then, nearest].map(seen_pose::of_keyframe);
     let alignment = alignment + covariance::systematic(&input.map.state().colour, input.context, a);
     let found_pose = UncertainPose { pose: a.world_from_camera, covariance: alignment };
     let drift = UncertainPose::along_track(&own_then, own).covariance

@@ -17,6 +17,7 @@ use crate::tracking::input::FrameSurface;
 use crate::tracking::window::Member;
 use crate::tracking::window_alignment::WindowAlignment;
 use tessera_geometry::{Matrix6, Pose, Vector6, adjoint, from_upper_triangle};
+use tessera_graph::BlockSums;
 
 /// Covariance of the frame's pose in the world, in the tangent of its camera, translation first.
 ///
@@ -83,13 +84,19 @@ pub(crate) fn systematic(colour: &ColourState, context: &Context, a: &Alignment)
     if colour.n_frames == 0 {
         return of_stamp;
     }
+    let sums: Vec<&BlockSums> = a.blocks.iter().map(|(_, sums)| sums).collect();
+    let of_lag = late(colour.model.lag_s) * late(colour.model.lag_s).transpose();
+    of_calibration(colour, context, &sums) + of_lag + of_stamp
+}
+
+/// The part of [`systematic`] that is of the calibration, of matches with such sums.
+pub(crate) fn of_calibration(colour: &ColourState, context: &Context, sums: &[&BlockSums]) -> Matrix6 {
     let residual_px =
         if colour.is_trusted() { colour.residual_px } else { ColourState::default().residual_px };
     let angle_rad = OF_MEDIAN * (residual_px - MATCHING_PX).max(0.0) / context.camera.focal_px();
-    let distance_m = centroid(a.blocks.iter().map(|(_, sums)| sums)).norm();
+    let distance_m = centroid(sums.iter().copied()).norm();
     let (t, r) = ((angle_rad * distance_m).powi(2), angle_rad * angle_rad);
-    let of_lag = late(colour.model.lag_s) * late(colour.model.lag_s).transpose();
-    Matrix6::from_diagonal(&Vector6::new(t, t, t, r, r, r)) + of_lag + of_stamp
+    Matrix6::from_diagonal(&Vector6::new(t, t, t, r, r, r))
 }
 
 /// Standard deviation of a degenerate direction's motion in one frame of so many seconds: the velocity's, or that of a

@@ -22,6 +22,7 @@ pub(crate) mod prediction;
 pub(crate) mod promotion;
 pub(crate) mod relocalise;
 pub(crate) mod rotation_hypothesis;
+pub(crate) mod seen_pose;
 pub(crate) mod sight;
 pub(crate) mod start;
 pub(crate) mod trees;

@@ -1,7 +1,6 @@
 //! Triggering the global optimisation (III-G): a loop closure in the window, or a new keyframe that looks
 //! like an old one.
 
-use crate::evidence::pose_agreement::UncertainPose;
 use crate::map::appearance::similarity;
 use crate::map::detection::{self, Urgency};
 use crate::map::records::{FrameRecord, KeyframeRecord};
@@ -11,11 +10,11 @@ use crate::tracking::alignment::Aligner;
 use crate::tracking::in_place::{is_in_place, old_members};
 use crate::tracking::input::TrackingInput;
 use crate::tracking::prediction::Reference;
+use crate::tracking::seen_pose::known_and_seen;
 use crate::tracking::sight::ENOUGH_FEATURES;
 use crate::tracking::window::{Member, WINDOW_VIEWS};
 use crate::tracking::window_alignment::{WindowAlignment, reference};
 use tessera_geometry::Pose;
-use tessera_graph::{PairBlock, metric_covariance};
 
 /// The record with a request for an optimisation, where a loop can be closed.
 pub(crate) fn with_request(
@@ -81,19 +80,7 @@ fn is_seen_elsewhere(
     let Some(pair) = aligner.sight.pair(input.context, there, &world_from_camera, Reach::ANYWHERE) else {
         return false;
     };
-    let at = pair.target_from_query;
-    let information = PairBlock::new(&at, &pair.sums).linearise(&at).0;
-    let Some(covariance) = metric_covariance(&information, input.context.scales.features) else {
-        return false;
-    };
-    let seen = UncertainPose { pose: at, covariance };
-    let known = UncertainPose::read(&older.world_from_camera, &older.covariance)
-        .zip(UncertainPose::read(&record.pose.world_from_camera, &record.pose.covariance));
-    known.is_some_and(|(older_pose, pose)| {
-        let is_of_track = input.map.is_own(older) && older.submap == input.map.submap();
-        let relative = if is_of_track { UncertainPose::along_track } else { UncertainPose::apart };
-        !relative(&older_pose, &pose).agrees(&seen)
-    })
+    known_and_seen(input, older, &pair, &record.pose).is_some_and(|[known, seen]| !known.agrees(&seen))
 }
 
 /// Whether a keyframe stands near enough for the window to see it: to such a one the frame is aligned.
