@@ -102,9 +102,6 @@ pub(crate) struct RunArguments {
     /// Decode all frames into memory first
     #[arg(long, help_heading = "For experts")]
     pub(crate) preload: bool,
-    /// For tests: throw state away after every N frames and read it back
-    #[arg(long, value_name = "N", help_heading = "For experts")]
-    pub(crate) forget_every: Option<u64>,
     #[command(flatten)]
     pub(crate) speech: Speech,
 }

@@ -146,7 +146,6 @@ pub(crate) fn settings(arguments: &RunArguments) -> Result<Settings, CommandErro
     }
     run.skip = arguments.skip.unwrap_or(run.skip);
     run.frames = arguments.frames.unwrap_or(run.frames);
-    run.forget_every = arguments.forget_every.unwrap_or(run.forget_every);
     run.base_wait_s = arguments.optimise.map_or(run.base_wait_s, |at| at.base_wait_s(run.base_wait_s));
     run.live |= arguments.live;
     run.force |= arguments.force;
