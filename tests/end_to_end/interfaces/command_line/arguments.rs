@@ -70,9 +70,7 @@ fn wrong_arguments_end_with_2() {
         refusal(&["stage", "algin", "--run-dir", "x"], 2).contains("sensor, reconstruct, align, optimise")
     );
     assert!(refusal(&["stage", "align"], 2).contains("--run"));
-    assert!(refusal(&["run", "some/folder", "--person"], 2).contains("for simulated scenes"));
-    assert!(refusal(&["run", "some/folder", "--readout", "0.03"], 2).contains("readout_s"));
-    assert!(refusal(&["run", "room", "--readout=-1"], 3).contains("readout_s is -1"));
+    assert!(refusal(&["run", "room", "--set", "simulation.readout_s=-1"], 3).contains("readout_s is -1"));
     assert!(refusal(&["export", "no-such-run"], 2).contains("no run \"no-such-run\""));
     assert!(refusal(&["resume", "no-such-run"], 2).contains("no run \"no-such-run\""));
     assert!(refusal(&["status", "no-such-run"], 2).contains("no run \"no-such-run\""));
