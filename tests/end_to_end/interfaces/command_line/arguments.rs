@@ -116,7 +116,8 @@ fn wrong_settings_name_key_value_and_rule() {
     assert!(set("surface.max_depth_m=nan").contains("surface.max_depth_m is NaN, expected a number from"));
     assert!(set("surface.step=two").contains("`surface.step` is the text \"two\", expected a whole number"));
     assert!(
-        set("experiment.surface.edge_rule=xor").contains("unknown variant `xor`, expected `or` or `and`")
+        set("experiment.surface.variant=mine")
+            .contains("unknown variant `mine`, expected `tessera` or `paper`")
     );
     assert!(set("flow.window").contains("expected key=value"));
     assert!(

@@ -50,12 +50,8 @@ fn accept_all(window: &mut WindowSettings) {
     window.max_in_front = 1.0;
 }
 
-const SPARSE_KEYFRAMES: [&str; 4] = [
-    "mapping.keyframe.translation_m=0.5",
-    "mapping.keyframe.rotation_deg=30",
-    "experiment.mapping.keyframe.entropy_gain_nats=0",
-    "experiment.mapping.keyframe.entropy_ratio=0",
-];
+const SPARSE_KEYFRAMES: [&str; 2] =
+    ["mapping.keyframe.translation_m=0.5", "mapping.keyframe.rotation_deg=30"];
 
 impl Column {
     /// The column's settings over `base` (a preset or a file) and `overrides`.
