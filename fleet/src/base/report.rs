@@ -136,7 +136,7 @@ fn maps(map: &JointSummary, robots: &[&str], ways: &[RunWay]) -> String {
 /// What is known of the robot that came as number `place`, in its colour.
 fn of_robot(place: usize, name: &str, points: Vec<(f64, f64)>, form: ChartForm) -> Series {
     let size = if form == ChartForm::Segments { 8.0 } else { 1.6 };
-    let colour = CYCLE.get(place % CYCLE.len()).copied().unwrap_or(VERMILION);
+    let colour = CYCLE.iter().cycle().nth(place).copied().unwrap_or(VERMILION);
     Series { name: name.to_owned(), colour, points, size, form }
 }
 
