@@ -34,7 +34,7 @@ pub fn main(args: &StageArgs) -> ExitCode {
 enum Pause {
     /// The stage is done.
     Over(Outcome),
-    /// All state is to be thrown away and read back (`--forget-every`).
+    /// All state is to be thrown away and read back (`run.forget_every`).
     Forget,
 }
 

@@ -24,6 +24,9 @@ const CAMERA_320: &str = "width = 320\nheight = 240\nfx = 262.5\nfy = 262.5\ncx 
 /// The outputs that must be the same bytes whatever happened.
 pub const OUTPUTS: [&str; 4] = ["trajectory.txt", "trajectory_online.txt", "keyframes.txt", "map.ply"];
 
+/// All state is thrown away after each frame and read back.
+pub const FORGETFUL: &str = "experiment.run.forget_every=1";
+
 /// Writes the small camera to a file.
 pub fn write_camera(path: &Path) {
     std::fs::write(path, CAMERA).unwrap();

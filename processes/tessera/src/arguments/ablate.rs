@@ -1,7 +1,6 @@
 //! `tessera ablate`: its arguments.
 
 use clap::Args;
-use std::path::PathBuf;
 
 /// `tessera ablate`.
 #[derive(Clone, Debug, Args)]
@@ -15,7 +14,6 @@ run`.
 
 Examples:
   tessera ablate room --frames 60
-  tessera ablate FOLDER... --out table1.svg
   tessera ablate FOLDER --seeds 5 --json")]
 pub(crate) struct AblateArguments {
     /// Recordings with ground truth, or simulated worlds
@@ -27,9 +25,6 @@ pub(crate) struct AblateArguments {
     /// What the columns of the first table start from
     #[arg(long, value_name = "PRESET|FILE", default_value = "default")]
     pub(crate) config: String,
-    /// What the whole system of the second table is run with
-    #[arg(long, value_name = "PRESET|FILE", default_value = "default")]
-    pub(crate) whole_config: String,
     /// Change one setting of all; may be repeated
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub(crate) overrides: Vec<String>,
@@ -39,9 +34,6 @@ pub(crate) struct AblateArguments {
     /// Sampling seeds; more than one give a median and a spread
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1000))]
     pub(crate) seeds: u64,
-    /// The plot of the first table
-    #[arg(long, value_name = "FILE", default_value = "ablation.svg")]
-    pub(crate) out: PathBuf,
     /// Print JSON instead of Markdown
     #[arg(long)]
     pub(crate) json: bool,

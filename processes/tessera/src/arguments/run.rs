@@ -13,7 +13,8 @@ use tessera_numerics::Isa;
 Examples:
   tessera run                              the simulated room
   tessera run room --frames 100            its first 100 frames
-  tessera run room --person --readout 0.03 with a person and a rolling shutter
+  tessera run room --set simulation.person=true
+                                           with a person who walks about
   tessera run FOLDER --out results         a recording
   tessera run FOLDER FOLDER2 FILE.mcap     several, one after the other, and all side by side
   tessera run FOLDER --config paper        with the values of the paper
@@ -49,12 +50,6 @@ pub(crate) struct RunArguments {
     /// Process at most so many frames
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(crate) frames: Option<u64>,
-    /// In a simulated scene: a person walks about in front of the camera
-    #[arg(long, help_heading = "Simulated worlds")]
-    pub(crate) person: bool,
-    /// In a simulated scene: a rolling shutter, seconds from the first row to the last
-    #[arg(long, value_name = "SECONDS", help_heading = "Simulated worlds")]
-    pub(crate) readout: Option<f64>,
     /// Start in the map of an earlier run (its name or folder), found by recognition, and extend it
     #[arg(long, value_name = "RUN", help_heading = "Maps")]
     pub(crate) map: Option<String>,
@@ -102,9 +97,6 @@ pub(crate) struct RunArguments {
     /// Decode all frames into memory first
     #[arg(long, help_heading = "For experts")]
     pub(crate) preload: bool,
-    /// For tests: throw state away after every N frames and read it back
-    #[arg(long, value_name = "N", help_heading = "For experts")]
-    pub(crate) forget_every: Option<u64>,
     #[command(flatten)]
     pub(crate) speech: Speech,
 }

@@ -1,31 +1,32 @@
 //! `tessera ablate`: what each part of the method is worth, on any sequences.
 
 use crate::arguments::AblateArguments;
-use crate::commands::calibrate::check_writable;
 use crate::exit::{CommandError, Exit};
 use crate::progress::work_bar;
 use crate::terminal::say;
 use std::path::Path;
-use tessera_lab::ablation::{AblationPlan, Peers, Tables, columns, ground_truth, markdown, measure, svg};
+use tessera_lab::ablation::{AblationPlan, Peers, Tables, columns, ground_truth, markdown, measure};
 use tessera_sources::{Source, SourceOptions, SourceSpec};
 
-/// Runs all columns on all sequences, prints the tables and writes the plot.
+/// Preset of the whole system.
+const WHOLE: &str = "default";
+
+/// Runs all columns on all sequences and prints the tables.
 pub(crate) fn ablate(arguments: &AblateArguments) -> Result<Exit, CommandError> {
     let internal = |error: &dyn std::fmt::Display| CommandError::stage(error.to_string());
     let plan = AblationPlan {
         columns_base: arguments.config.clone(),
-        whole_base: arguments.whole_config.clone(),
+        whole_base: WHOLE.to_owned(),
         overrides: arguments.overrides.clone(),
         seeds: arguments.seeds,
     };
-    // All that can be wrong is told before hours of work: settings, sources, the plot's folder.
+    // All that can be wrong is told before hours of work: settings and sources.
     plan.settings()?;
     let sources = arguments
         .sequences
         .iter()
         .map(|sequence| Ok((label(sequence), open(arguments, sequence)?)))
         .collect::<Result<Vec<_>, CommandError>>()?;
-    check_writable(&arguments.out).map_err(|reason| CommandError::write(&arguments.out, reason))?;
     let peers = Peers::built_in().map_err(|error| internal(&error))?;
     // What others reach on all frames says nothing of a part.
     let peers = arguments.frames.is_none().then_some(&peers);
@@ -42,8 +43,6 @@ pub(crate) fn ablate(arguments: &AblateArguments) -> Result<Exit, CommandError> 
     }
     bar.finish_and_clear();
     let tables = Tables::new([&plan.columns_base, &plan.whole_base], plan.seeds, &columns(), rows);
-    let plot = svg(&tables).map_err(|error| internal(&error))?;
-    std::fs::write(&arguments.out, plot).map_err(|error| CommandError::write(&arguments.out, error))?;
     if arguments.json {
         say(&serde_json::to_string_pretty(&tables).map_err(|error| internal(&error))?);
     } else {

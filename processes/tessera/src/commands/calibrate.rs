@@ -89,7 +89,7 @@ fn fixed(names: &[String]) -> Result<Vec<Parameter>, CommandError> {
 }
 
 /// Whether a file can be written there, before work is done for it; else why not.
-pub(super) fn check_writable(path: &Path) -> Result<(), String> {
+fn check_writable(path: &Path) -> Result<(), String> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     match (folder.is_dir(), path.is_dir()) {
         (true, false) => Ok(()),

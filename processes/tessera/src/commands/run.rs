@@ -146,22 +146,12 @@ pub(crate) fn settings(arguments: &RunArguments) -> Result<Settings, CommandErro
     }
     run.skip = arguments.skip.unwrap_or(run.skip);
     run.frames = arguments.frames.unwrap_or(run.frames);
-    run.forget_every = arguments.forget_every.unwrap_or(run.forget_every);
     run.base_wait_s = arguments.optimise.map_or(run.base_wait_s, |at| at.base_wait_s(run.base_wait_s));
     run.live |= arguments.live;
     run.force |= arguments.force;
     run.preload |= arguments.preload;
     if arguments.frames == Some(0) {
         return Err(CommandError::arguments("--frames is 0, expected at least 1".to_owned()));
-    }
-    settings.simulation.person |= arguments.person;
-    settings.simulation.readout_s = arguments.readout.or(settings.simulation.readout_s);
-    let is_of_a_scene = arguments.person || arguments.readout.is_some();
-    if is_of_a_scene && !matches!(SourceSpec::parse(&settings.run.source), SourceSpec::Scene(_)) {
-        return Err(CommandError::arguments(format!(
-            "--person and --readout are for simulated scenes, and {} is none; a camera file's readout_s tells of a real rolling shutter",
-            settings.run.source
-        )));
     }
     settings.check()?;
     let isa = arguments.isa.unwrap_or(settings.run.isa);

@@ -1,9 +1,10 @@
 //! The folder of a bag of ROS 2: `metadata.yaml` and one or several files of MCAP or SQLite. Bags of
 //! ROS 1 that were split lie in a folder too.
 
+use crate::folder::is_inside;
 use crate::joined::JoinedSource;
 use crate::{RecordingOptions, RecordingSource, Source, SourceError};
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 use tessera_evaluation::plain_text;
 
 const METADATA: &str = "metadata.yaml";
@@ -56,10 +57,8 @@ fn listed(metadata: &str) -> Vec<PathBuf> {
     while let Some(name) = lines.next().and_then(|line| line.trim().strip_prefix("- ")) {
         let file = PathBuf::from(name.trim_matches(['"', '\'']));
         // A bag that was moved may have lost the folder of its files; one that leads out is no part of it.
-        let is_inside =
-            file.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
         match file.file_name() {
-            _ if is_inside => files.push(file),
+            _ if is_inside(&file) => files.push(file),
             // An absolute path of the machine that recorded it.
             Some(name) if file.is_absolute() => files.push(PathBuf::from(name)),
             _ => {}

@@ -17,9 +17,8 @@
 mod bag;
 mod folder;
 mod joined;
-mod reduced;
+mod partial;
 mod sens;
-mod skipped;
 mod spec;
 mod unread;
 

@@ -1,9 +1,8 @@
 //! Naming a source in one word, and opening it.
 
 use crate::folder::is_zip;
-use crate::reduced::ReducedSource;
+use crate::partial::PartialSource;
 use crate::sens::{self, SensSource};
-use crate::skipped::SkippedSource;
 use crate::{FolderSource, RecordingOptions, RecordingSource, Source, SourceError};
 use crate::{bag, unread};
 use serde::{Deserialize, Serialize};
@@ -112,14 +111,8 @@ pub fn open(spec: &SourceSpec, options: &SourceOptions) -> Result<Box<dyn Source
             }
         },
     };
-    let source = match large::reduction(source.camera()) {
-        1 => source,
-        step => Box::new(ReducedSource::new(source, step)),
-    };
-    Ok(match options.skip {
-        0 => source,
-        skip => Box::new(SkippedSource::new(source, skip)?),
-    })
+    let is_whole = options.skip == 0 && large::reduction(source.camera()) == 1;
+    Ok(if is_whole { source } else { Box::new(PartialSource::new(source, options.skip)?) })
 }
 
 /// A file: an MCAP file or a bag, or for what it is.

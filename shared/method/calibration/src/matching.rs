@@ -47,8 +47,7 @@ pub(crate) fn match_all(
         tightness: if iteration == 1 { 0.5 } else { 1.0 },
         pose_sigma_m: 0.0,
     };
-    let rule =
-        Rule { noise: problem.noise, epsilon: f64::from(problem.registration.weight.covariance_epsilon) };
+    let rule = Rule { noise: problem.noise, epsilon: f64::from(problem.registration.covariance_epsilon()) };
     let matcher = || {
         Matcher::new(GridCamera::new(camera, grid, problem.offset_px), problem.noise, problem.registration)
     };

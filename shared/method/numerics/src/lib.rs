@@ -21,6 +21,7 @@ mod random;
 mod range;
 mod rice;
 mod steps;
+mod variant;
 
 pub use bits::{Bits, WORD};
 pub use block_cholesky::BlockCholesky;
@@ -32,3 +33,4 @@ pub use random::{SplitMix64, mix};
 pub use range::{SettingError, check_range};
 pub use rice::{RiceReader, RiceWriter, unzigzag, zigzag};
 pub use steps::*;
+pub use variant::MethodVariant;

@@ -15,4 +15,4 @@ pub use association::{
     Selection, ShutterTable, Target, mark_free_space,
 };
 pub use sampling::{Sample, Sampler, gather};
-pub use settings::{RegistrationSettings, SearchMethod, WeightSettings};
+pub use settings::RegistrationSettings;

@@ -3,9 +3,10 @@
 use nalgebra::Vector3;
 use tessera_geometry::{Camera, DepthNoise, Matrix6, Pose, Twist, exp, translation_rotation_norms};
 use tessera_graph::{Graph, Pair, PairBlock, entropy_of_covariance};
+use tessera_numerics::MethodVariant;
 use tessera_registration::{
-    GridCamera, KdTree, MatchLimits, Matcher, PairReport, Queries, RegistrationSettings, Sampler,
-    SearchMethod, Selection, ShutterTable, Target,
+    GridCamera, KdTree, MatchLimits, Matcher, PairReport, Queries, RegistrationSettings, Sampler, Selection,
+    ShutterTable, Target,
 };
 use tessera_surface::{Reconstructor, SurfaceSettings, SurfaceView, Vertex};
 
@@ -101,10 +102,7 @@ impl Setup {
         queries.fill(&samples, &shutter(&self.query_velocity));
         let target_shutter = shutter(&self.target_velocity);
         let surface = SurfaceView { grid, vertices: &self.target };
-        let tree = match settings.search {
-            SearchMethod::Exact => Some(KdTree::new(&surface, &target_shutter)),
-            SearchMethod::Projective => None,
-        };
+        let tree = settings.variant.is_paper().then(|| KdTree::new(&surface, &target_shutter));
         let target = Target { surface, shutter: &target_shutter, tree: tree.as_ref() };
         let grid_camera = GridCamera::new(&self.camera, grid, offset_px);
         let mut matcher = Matcher::new(grid_camera, DepthNoise::default(), settings);
@@ -155,7 +153,7 @@ fn a_planted_motion_is_recovered_and_the_step_goes_the_right_way() {
 fn the_exact_search_finds_the_same() {
     let truth = exp(&Twist { rho: Vector3::new(0.06, -0.04, 0.05), phi: Vector3::new(0.03, 0.05, -0.02) });
     let setup = Setup::still(&room(), &truth);
-    let exact = RegistrationSettings { search: SearchMethod::Exact, ..RegistrationSettings::default() };
+    let exact = RegistrationSettings { variant: MethodVariant::Paper, ..RegistrationSettings::default() };
     let (pose, _, report, _) = setup.align_with(&Pose::identity(), &exact);
     assert!(report.n_matches > 500, "{report:?}");
     check(&pose, &truth, 1.5e-3, 1e-3);

@@ -71,11 +71,6 @@ impl Tracker {
         self.state.pending.filter(|p| index >= p.effective_before).map(|p| p.request)
     }
 
-    /// The request that has no effect yet.
-    pub fn pending_request(&self) -> Option<RequestRecord> {
-        self.state.pending
-    }
-
     /// The record by which a correction takes effect before `before_frame`; `None` when it does
     /// not answer the pending request or was computed from another input.
     pub fn correction_record(&self, correction: Correction, before_frame: u64) -> Option<AlignRecord> {

@@ -2,10 +2,11 @@
 
 use crate::mesh::{self, EdgeTest};
 use crate::planes::Workspace;
-use crate::settings::{BoundaryRule, CellSample, EdgeRule, SurfaceSettings};
+use crate::settings::SurfaceSettings;
 use crate::vertex::{Grid, Vertex};
 use crate::{Reconstructor, SurfaceStats};
 use tessera_geometry::Camera;
+use tessera_numerics::MethodVariant;
 
 const WIDTH: usize = 320;
 const HEIGHT: usize = 240;
@@ -36,8 +37,8 @@ fn kinect(depth_m: f64, noise: &mut Normal) -> f64 {
 
 /// Share of valid quads on a wall of depth `depth_m(column)`, and the share of horizontal edges
 /// between the columns `left` and `left + 1` of the grid that are valid.
-fn quads(n: u32, rule: EdgeRule, left: usize, depth_m: impl Fn(f64) -> f64) -> (f64, f64) {
-    let settings = SurfaceSettings { step: n, edge_rule: rule, ..SurfaceSettings::default() };
+fn quads(n: u32, variant: MethodVariant, left: usize, depth_m: impl Fn(f64) -> f64) -> (f64, f64) {
+    let settings = SurfaceSettings { step: n, variant, ..SurfaceSettings::default() };
     let step = n as usize;
     let grid = Grid { width: WIDTH / step, height: HEIGHT / step, step };
     let mut w = Workspace::new(grid);
@@ -62,13 +63,13 @@ fn quads(n: u32, rule: EdgeRule, left: usize, depth_m: impl Fn(f64) -> f64) -> (
 #[test]
 fn a_far_wall_keeps_its_quads_by_or_and_loses_them_by_and() {
     for z in [3.0, 4.0, 5.0] {
-        let (or, _) = quads(1, EdgeRule::Or, 0, |_| z);
-        let (and, _) = quads(1, EdgeRule::And, 0, |_| z);
+        let (or, _) = quads(1, MethodVariant::Tessera, 0, |_| z);
+        let (and, _) = quads(1, MethodVariant::Paper, 0, |_| z);
         assert!(or >= 0.6, "or keeps {or} at {z} m");
         assert!(and <= 0.2, "and keeps {and} at {z} m");
     }
     for z in [1.0, 2.0, 3.0, 4.0, 5.0] {
-        let (or, _) = quads(4, EdgeRule::Or, 0, |_| z);
+        let (or, _) = quads(4, MethodVariant::Tessera, 0, |_| z);
         assert!(or >= 0.97, "n = 4: or keeps {or} at {z} m");
     }
 }
@@ -78,9 +79,9 @@ fn steps_well_above_the_noise_are_cut_by_both_rules() {
     // method 1.3: n = 1, 1 m, 2 cm and n = 4, 2 m, 10 cm are never bridged.
     for (n, z, step_m) in [(1u32, 1.0, 0.02), (4, 2.0, 0.10), (4, 3.0, 0.20)] {
         let left = 160 / n as usize - 1;
-        for rule in [EdgeRule::Or, EdgeRule::And] {
-            let (_, kept) = quads(n, rule, left, |column| if column < 160.0 { z } else { z + step_m });
-            assert!(kept < 0.02, "{rule:?} keeps {kept} of a {step_m} m step at {z} m, n = {n}");
+        for variant in [MethodVariant::Tessera, MethodVariant::Paper] {
+            let (_, kept) = quads(n, variant, left, |column| if column < 160.0 { z } else { z + step_m });
+            assert!(kept < 0.02, "{variant:?} keeps {kept} of a {step_m} m step at {z} m, n = {n}");
         }
     }
 }
@@ -104,8 +105,7 @@ fn the_filter_smooths_by_the_size_of_its_rings_and_keeps_a_crease() {
     let plane_noise = |rings: u32| {
         let settings = SurfaceSettings {
             filter_rings: rings,
-            cell_sample: CellSample::Corner,
-            filter_boundary: BoundaryRule::Full,
+            variant: MethodVariant::Paper,
             // Position and normals alone would let no weight fall below 0.9 on a plane.
             filter_normal: 0.0,
             ..SurfaceSettings::default()
@@ -174,7 +174,7 @@ fn scattered_holes_cost_few_vertices() {
     let (_, stats, grid) =
         reconstruct(&SurfaceSettings::default(), |r, c| if holes[r * WIDTH + c] { 0.0 } else { 1.5 });
     assert!(stats.n_inner as f64 > 0.9 * grid.len() as f64, "{stats:?}");
-    let corner = SurfaceSettings { cell_sample: CellSample::Corner, ..SurfaceSettings::default() };
+    let corner = SurfaceSettings { variant: MethodVariant::Paper, ..SurfaceSettings::default() };
     let (_, stats, _) = reconstruct(&corner, |r, c| if holes[r * WIDTH + c] { 0.0 } else { 1.5 });
     assert!((stats.n_inner as f64) < 0.3 * grid.len() as f64, "the corner rule loses them: {stats:?}");
 }

@@ -1,7 +1,7 @@
 //! Depth of a cell of `n x n` pixels.
 
-use crate::settings::CellSample;
 use tessera_geometry::{Camera, DepthNoise};
+use tessera_numerics::MethodVariant;
 
 /// One cell's measurement: depth and the pixel it belongs to, relative to the cell's corner.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,7 +15,9 @@ pub(crate) struct CellDepth {
 #[derive(Clone, Debug)]
 pub(crate) struct CellRule {
     step: usize,
-    sample: CellSample,
+    /// The mean disparity of the pixels that lie on one surface, at their mean pixel; the paper's is the raw pixel at
+    /// the cell's corner, where a hole costs the vertex.
+    variant: MethodVariant,
     metres_per_unit: f32,
     depth_offset_m: f32,
     max_depth_m: f32,
@@ -29,25 +31,25 @@ impl CellRule {
     pub(crate) fn new(
         camera: &Camera,
         step: usize,
-        sample: CellSample,
+        variant: MethodVariant,
         max_depth_m: f32,
         noise: DepthNoise,
     ) -> Self {
         let metres_per_unit = (1.0 / camera.units_per_metre) as f32;
         Self {
             step,
-            sample,
+            variant,
             metres_per_unit,
             depth_offset_m: camera.depth_offset_m as f32,
             max_depth_m,
             largest: largest(metres_per_unit, max_depth_m),
             noise,
-            order: order(step, sample),
+            order: order(step, variant),
         }
     }
 
     pub(crate) fn averages(&self) -> bool {
-        self.sample == CellSample::Mean
+        !self.variant.is_paper()
     }
 
     /// The mean of a whole cell whose depths span at most four standard deviations; 0 sends it to
@@ -78,7 +80,7 @@ impl CellRule {
         };
         let reference = self.order.iter().find(|place| self.is_measured(at(place)))?;
         let reference_m = f32::from(at(reference)) * self.metres_per_unit;
-        if self.sample != CellSample::Mean {
+        if self.variant.is_paper() {
             let (row, column) = (f32::from(reference.0), f32::from(reference.1));
             return self.corrected(reference_m, row, column);
         }
@@ -151,8 +153,8 @@ impl Sums {
 
 /// The pixels of a cell in the order in which they may stand for it: the corner alone, or all by
 /// distance from the middle, rows first among equals.
-fn order(step: usize, sample: CellSample) -> Vec<(u8, u8)> {
-    if sample == CellSample::Corner {
+fn order(step: usize, variant: MethodVariant) -> Vec<(u8, u8)> {
+    if variant.is_paper() {
         return vec![(0, 0)];
     }
     let place = step - 1;
@@ -171,17 +173,17 @@ fn order(step: usize, sample: CellSample) -> Vec<(u8, u8)> {
 mod tests {
     use super::*;
 
-    fn rule(sample: CellSample) -> CellRule {
+    fn rule(variant: MethodVariant) -> CellRule {
         let camera = Camera::pinhole((16, 16), [525.0, 525.0, 8.0, 8.0], 1000.0);
-        CellRule::new(&camera, 4, sample, 8.0, DepthNoise::default())
+        CellRule::new(&camera, 4, variant, 8.0, DepthNoise::default())
     }
 
     #[test]
     fn a_hole_at_the_corner_costs_the_vertex_only_by_the_corner_rule() {
         let mut depth = vec![1000u16; 256];
         depth[0] = 0;
-        assert_eq!(rule(CellSample::Corner).measure(&depth, 16, (4, 4)), None);
-        let mean = rule(CellSample::Mean).measure(&depth, 16, (4, 4)).unwrap();
+        assert_eq!(rule(MethodVariant::Paper).measure(&depth, 16, (4, 4)), None);
+        let mean = rule(MethodVariant::Tessera).measure(&depth, 16, (4, 4)).unwrap();
         // Fifteen pixels: the mean pixel is a little below and right of the middle.
         assert!((mean.depth_m - 1.0).abs() < 1e-6 && (mean.row - 1.6).abs() < 1e-6);
     }
@@ -192,7 +194,7 @@ mod tests {
         for row in 0..16 {
             depth[row * 16 + 3] = 2000;
         }
-        let mean = rule(CellSample::Mean);
+        let mean = rule(MethodVariant::Tessera);
         assert!((mean.measure(&depth, 16, (4, 4)).unwrap().depth_m - 1.0).abs() < 1e-6);
         assert_eq!(mean.whole_mean(1000, 2000, 12 * 1000 + 4 * 2000), 0.0);
         assert_eq!(mean.whole_mean(0, 1000, 15 * 1000), 0.0, "a hole is no whole cell");

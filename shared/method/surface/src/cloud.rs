@@ -4,7 +4,7 @@ use crate::cell::{CellDepth, CellRule};
 use crate::colour;
 use crate::columns::CellSums;
 use crate::planes::Workspace;
-use crate::settings::{CellSample, SurfaceSettings};
+use crate::settings::SurfaceSettings;
 use tessera_geometry::{Camera, DepthNoise};
 use tessera_numerics::{Bits, WORD};
 
@@ -27,14 +27,11 @@ pub(crate) struct CloudMaker {
 
 impl CloudMaker {
     pub(crate) fn new(camera: &Camera, settings: &SurfaceSettings) -> Self {
-        let (step, sample) = (settings.step as usize, settings.cell_sample);
+        let (step, variant) = (settings.step as usize, settings.variant);
         let noise = DepthNoise::default();
         let (width, height) = (camera.width as usize, camera.height as usize);
         let (rows, columns) = (height.div_ceil(step), width.div_ceil(step));
-        let offset = match sample {
-            CellSample::Mean => (step as f64 - 1.0) / 2.0,
-            CellSample::Corner => 0.0,
-        };
+        let offset = if variant.is_paper() { 0.0 } else { (step as f64 - 1.0) / 2.0 };
         let centre = |i: usize| {
             let (row, column) = (i / columns * step, i % columns * step);
             camera.ray(row as f64 + offset, column as f64 + offset)
@@ -42,7 +39,7 @@ impl CloudMaker {
         Self {
             centre_x: (0..rows * columns).map(|i| centre(i).x as f32).collect(),
             centre_y: (0..rows * columns).map(|i| centre(i).y as f32).collect(),
-            rule: CellRule::new(camera, step, sample, settings.max_depth_m, noise),
+            rule: CellRule::new(camera, step, variant, settings.max_depth_m, noise),
             width,
             height,
             step,

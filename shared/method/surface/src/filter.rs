@@ -3,7 +3,8 @@
 use crate::normals::towards_camera;
 use crate::planes::{PlaneLayout, PlaneRun, RowSums, Workspace};
 use crate::rings::RingWalk;
-use crate::settings::{BoundaryRule, SurfaceSettings};
+use crate::settings::SurfaceSettings;
+use tessera_numerics::MethodVariant;
 
 /// One Jacobi pass: reads points and normals, writes the filtered ones.
 #[inline(always)]
@@ -167,7 +168,7 @@ fn finish_row(
     let (p, u) = (raw.0.first(n), raw.1.first(n));
     let (sum_p, sum_u) = (sums.point.run(0, n), sums.normal.run(0, n));
     let (weights, n_quads) = (&sums.weight[..n], &n_quads[..n]);
-    point_row(s.filter_boundary, weights, sum_p, (p, u), n_quads, px, py, pz);
+    point_row(s.variant, weights, sum_p, (p, u), n_quads, px, py, pz);
     turn_row(weights, sum_u, (p, u), ux, uy, uz);
 }
 
@@ -177,7 +178,7 @@ fn finish_row(
     reason = "each output is an argument, so that it is known to overlap nothing"
 )]
 fn point_row(
-    boundary: BoundaryRule,
+    variant: MethodVariant,
     weights: &[f32],
     sum: PlaneRun<'_>,
     (p, u): (PlaneRun<'_>, PlaneRun<'_>),
@@ -190,7 +191,7 @@ fn point_row(
     let (sum, p, u) = (sum.first(n), p.first(n), u.first(n));
     let (weights, n_quads, y, z) = (&weights[..n], &n_quads[..n], &mut y[..n], &mut z[..n]);
     for c in 0..n {
-        [x[c], y[c], z[c]] = moved(boundary, weights[c], sum.at(c), p.at(c), u.at(c), n_quads[c] < 4.0);
+        [x[c], y[c], z[c]] = moved(variant, weights[c], sum.at(c), p.at(c), u.at(c), n_quads[c] < 4.0);
     }
 }
 
@@ -230,7 +231,7 @@ fn rings(settings: &SurfaceSettings, w: &mut Workspace, walk: &mut RingWalk) {
                 }
             }
             let is_boundary = w.mesh.n_quads[i] < 4.0;
-            w.filtered_points.set(i, moved(settings.filter_boundary, sum, point, p, u, is_boundary));
+            w.filtered_points.set(i, moved(settings.variant, sum, point, p, u, is_boundary));
             w.filtered_normals.set(i, turned(sum, normal, p, u));
         }
     }
@@ -239,7 +240,7 @@ fn rings(settings: &SurfaceSettings, w: &mut Workspace, walk: &mut RingWalk) {
 /// The point after the filter. Without a normal or a neighbour it stays (method T18).
 #[inline(always)]
 fn moved(
-    rule: BoundaryRule,
+    variant: MethodVariant,
     weight: f32,
     sum: [f32; 3],
     p: [f32; 3],
@@ -249,7 +250,7 @@ fn moved(
     let is_filtered = is_normal(n) & (weight > 0.0);
     let scale = 1.0 / weight;
     let mean = [sum[0] * scale, sum[1] * scale, sum[2] * scale];
-    let is_held = is_boundary & (rule == BoundaryRule::Keep);
+    let is_held = is_boundary & !variant.is_paper();
     select(is_filtered & !is_held, mean, p)
 }
 

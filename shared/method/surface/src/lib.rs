@@ -27,6 +27,6 @@ mod workload_level;
 
 pub use floor::floor_up;
 pub use reconstruct::{Reconstructor, SurfaceStats};
-pub use settings::{BoundaryRule, CellSample, EdgeRule, NormalsAfterFilter, SurfaceSettings};
+pub use settings::SurfaceSettings;
 pub use vertex::{Grid, SurfaceView, Vertex};
 pub use workload_level::WorkloadLevel;

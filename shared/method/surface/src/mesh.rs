@@ -1,7 +1,7 @@
 //! Edges between neighbours of the grid, and quads of four of them (eq. 1-4; method 1.2-1.5).
 
 use crate::planes::{PlaneLayout, PlaneRun, QuadMesh, Workspace};
-use crate::settings::{EdgeRule, SurfaceSettings};
+use crate::settings::SurfaceSettings;
 use tessera_geometry::DepthNoise;
 
 /// Angle between an edge and the line of sight below which the edge is shadowed (eq. 1), degrees: the
@@ -26,7 +26,8 @@ impl EdgeTest {
             cos_sq: cosine * cosine,
             // Eq. 4, read as linear in the step.
             tolerance_factor: 2.0 * n,
-            is_or: settings.edge_rule == EdgeRule::Or,
+            // Far walls survive depth quantisation where either test suffices; the paper's wording is both.
+            is_or: !settings.variant.is_paper(),
             noise: DepthNoise::default(),
         }
     }

@@ -6,7 +6,7 @@ use crate::mesh::{self, EdgeTest};
 use crate::normals::{self, From};
 use crate::planes::{PlaneLayout, PlaneRun, Workspace};
 use crate::rings::RingWalk;
-use crate::settings::{NormalsAfterFilter, SurfaceSettings};
+use crate::settings::SurfaceSettings;
 use crate::vertex::{Grid, Vertex};
 use tessera_geometry::Camera;
 use tessera_numerics::{SettingError, Step, Steps};
@@ -125,7 +125,8 @@ impl Reconstructor {
         }
         self.steps.enter(Step::Filter);
         filter::pass(&self.settings, w, self.walk.as_mut());
-        if self.settings.normals_after_filter == NormalsAfterFilter::Recompute {
+        // The paper's Fig. 2: eq. 8 again, on the filtered points.
+        if self.settings.variant.is_paper() {
             self.steps.enter(Step::Normals);
             normals::fill(w, From::Filtered);
         }

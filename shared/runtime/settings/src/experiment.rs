@@ -11,23 +11,13 @@ const GROUP: &str = "experiment";
 pub(crate) const COMMENT: &str = "# Variants of the method, for the preset `paper`, `tessera ablate` and tests: no run needs another value.";
 
 /// Paths of the group's keys, as in the structs.
-pub(crate) const KEYS: [&str; 16] = [
+pub(crate) const KEYS: [&str; 6] = [
     "run.forget_every",
-    "surface.cell_sample",
-    "surface.edge_rule",
-    "surface.filter_boundary",
-    "surface.normals_after_filter",
-    "registration.search",
-    "registration.weight.covariance_epsilon",
-    "registration.weight.noise_scaled",
-    "registration.weight.robust_sigmas",
-    "mapping.window.outer_iterations",
-    "mapping.window.min_first_distance_m",
-    "mapping.window.max_first_distance_m",
-    "mapping.keyframe.entropy_gain_nats",
-    "mapping.keyframe.entropy_ratio",
+    "surface.variant",
+    "registration.variant",
     "mapping.loop.request_interval",
     "mapping.loop.delay_frames",
+    "mapping.variant",
 ];
 
 /// The table of the structs as it stands in a file: the group's keys moved below `experiment`.

@@ -83,7 +83,7 @@ fn what_has_no_default_can_be_set() {
 #[test]
 fn there_are_few_keys_in_two_groups() {
     let known = known_keys();
-    assert!(known.len() <= 70, "{} keys", known.len());
+    assert!(known.len() <= 60, "{} keys", known.len());
     for key in crate::experiment::KEYS {
         let path = format!("experiment.{key}");
         assert!(known.contains(&path) && !known.iter().any(|k| k == key), "{key}");
@@ -94,18 +94,17 @@ fn there_are_few_keys_in_two_groups() {
 
 #[test]
 fn an_experiment_is_read_and_its_errors_have_its_name() {
-    let text =
-        "[experiment.surface]\nedge_rule = \"and\"\n[experiment.mapping.window]\nouter_iterations = 8\n";
+    let text = "[experiment.surface]\nvariant = \"paper\"\n[experiment.mapping.loop]\nrequest_interval = 8\n";
     let settings = Settings::from_toml(text, "my.toml").unwrap();
-    assert_eq!(settings.surface.edge_rule, tessera_surface::EdgeRule::And);
-    assert_eq!(settings.mapping.window.outer_iterations, 8);
+    assert!(settings.surface.variant.is_paper());
+    assert_eq!(settings.mapping.loops.request_interval, 8);
     assert_eq!(Settings::from_toml(&settings.to_toml().unwrap(), "text").unwrap(), settings);
     assert_eq!(
-        refusal("[experiment.mapping.window]\nouter_iterations = 1\n"),
-        "configuration: experiment.mapping.window.outer_iterations is 1, expected a number from 2 to 100"
+        refusal("[experiment.mapping.loop]\nrequest_interval = 0\n"),
+        "configuration: experiment.mapping.loop.request_interval is 0, expected a number from 1 to 1000000"
     );
-    let word = refusal("[experiment.surface]\nedge_rule = \"xor\"\n");
-    assert!(word.ends_with("in `experiment.surface.edge_rule`"), "{word}");
+    let word = refusal("[experiment.surface]\nvariant = \"mine\"\n");
+    assert!(word.ends_with("in `experiment.surface.variant`"), "{word}");
 }
 
 #[test]

@@ -209,8 +209,7 @@ fn check_alike(
         let Camera { width, height, readout_s, .. } = camera;
         format!("{width}x{height} px, readout {readout_s} s")
     };
-    let grid =
-        |s: &Settings| format!("surface.step {} and cell_sample {:?}", s.surface.step, s.surface.cell_sample);
+    let grid = |s: &Settings| format!("surface.step {} and variant {:?}", s.surface.step, s.surface.variant);
     let pairs = [("kind of camera", words(old_camera), words(camera)), ("grid", grid(old), grid(settings))];
     for (what, found, expected) in pairs {
         if found != expected {

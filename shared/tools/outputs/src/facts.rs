@@ -250,10 +250,10 @@ fn extend(spans: &mut Vec<Span>, goes_on: bool, (index, at_s): (u64, f64)) {
 
 /// Stated standard deviation of a position along the worst of all directions, from above: the root
 /// of the sum of the three variances, metres.
-fn deviation_m(frame: &FrameRecord) -> Option<f64> {
-    let variances: Option<Vec<f64>> =
-        POSITION.iter().map(|at| frame.pose.covariance.get(*at).copied()).collect();
-    Some(variances?.iter().sum::<f64>().max(0.0).sqrt())
+pub fn deviation_m(frame: &FrameRecord) -> Option<f64> {
+    let variances = POSITION.map(|at| frame.pose.covariance.get(at).copied());
+    let [Some(x), Some(y), Some(z)] = variances else { return None };
+    Some((x + y + z).max(0.0).sqrt())
 }
 
 /// The scale of the tracked frames against the truth; `None` where too little can be compared.

@@ -40,6 +40,7 @@ pub use export::{
     export, export_read, map_points, read_groundtruth, read_journal, read_map, read_settings, refined_warp,
     write_groundtruth,
 };
+pub use facts::deviation_m;
 pub use files::write_file;
 pub use joint::{JointCloud, joint_preview, write_joint_map};
 pub use machine::Machine;

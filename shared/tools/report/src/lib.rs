@@ -21,14 +21,15 @@ mod tracks;
 mod work;
 mod worst;
 
+pub use chart::{CYCLE, Chart, ChartForm, Series, VERMILION};
 pub use exposition::{Exposition, METRICS_PATH, loopback_address};
 pub use http::{Answer, answer};
 pub use joint_scene::{JointComponent, JointFrame, joint_scene};
 pub use page::{page, whole_page};
 pub use picture::{ReportPicture, ThumbnailError, depth_picture, photograph};
 pub use run::{
-    Event, Frame, FrameState, Keyframe, LoopPair, ProcessSample, ReportedRun, ReportedVerdict, Setting,
-    StageFigures, StageSample, WorstFrame,
+    Event, Frame, FrameState, Keyframe, LoopPair, ReportedRun, ReportedVerdict, Setting, StageFigures,
+    WorstFrame,
 };
 pub use run_directory::{REPORT_FILE, write, write_read};
 pub use scene::{

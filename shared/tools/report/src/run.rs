@@ -2,6 +2,7 @@
 
 use crate::picture::ReportPicture;
 use crate::scene::ReportScene;
+use tessera_outputs::TimelineSample;
 
 /// Whether a frame's pose can be trusted, or why it has none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -98,30 +99,6 @@ pub struct StageFigures {
     pub latency_counts: Vec<(f64, u64)>,
 }
 
-/// A stage between two samples.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct StageSample {
-    /// Name of the stage.
-    pub stage: String,
-    /// Mean and longest time for one frame, milliseconds.
-    pub mean_longest_ms: Option<(f64, f64)>,
-    /// Frames dropped.
-    pub dropped: u64,
-    /// Restarts.
-    pub restarts: u64,
-    /// Highest resident set until then, megabytes.
-    pub peak_rss_mb: f64,
-}
-
-/// All stages at a time.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct ProcessSample {
-    /// Since the start of the run, seconds.
-    pub at_s: f64,
-    /// Each stage.
-    pub stages: Vec<StageSample>,
-}
-
 /// A warning or an error of the log.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Event {
@@ -185,7 +162,7 @@ pub struct ReportedRun {
     /// Stages in the order of the flow.
     pub stages: Vec<StageFigures>,
     /// In the order of time; empty where they were not recorded.
-    pub samples: Vec<ProcessSample>,
+    pub samples: Vec<TimelineSample>,
     /// Lines of the log, oldest first.
     pub events: Vec<Event>,
     /// Of those, left out here.

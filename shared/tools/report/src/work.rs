@@ -2,7 +2,8 @@
 
 use crate::ReportError;
 use crate::chart::{Band, CYCLE, Chart, ChartForm, GREY, Series, VERMILION};
-use crate::run::{ReportedRun, StageSample};
+use crate::run::ReportedRun;
+use tessera_outputs::Point;
 use tessera_outputs::html::{escaped, table};
 
 /// Fewer than so many are no distribution.
@@ -15,7 +16,7 @@ pub(crate) fn latency_over_time(run: &ReportedRun) -> Result<String, ReportError
             "<p class=\"note\">Not recorded: the supervisor was gone before it could write.</p>".into()
         );
     }
-    let series = of_each_stage(run, |sample| sample.mean_longest_ms.map(|(mean, _)| mean.max(1e-3).log10()));
+    let series = of_each_stage(run, |point| point.mean_ms.map(|mean| mean.max(1e-3).log10()));
     Chart {
         what: "latency of each stage over time".into(),
         x_label: "time of the run, s".into(),
@@ -70,7 +71,7 @@ pub(crate) fn memory(run: &ReportedRun) -> Result<String, ReportError> {
     if run.samples.is_empty() {
         return Ok("<p class=\"note\">Not recorded.</p>".into());
     }
-    let series = of_each_stage(run, |sample| (sample.peak_rss_mb > 0.0).then_some(sample.peak_rss_mb));
+    let series = of_each_stage(run, |point| (point.peak_rss_mb > 0.0).then_some(point.peak_rss_mb));
     Chart {
         what: "memory of each stage over time".into(),
         x_label: "time of the run, s".into(),
@@ -133,12 +134,12 @@ fn title(name: &str) -> String {
     name.replace('_', " ")
 }
 
-fn of_each_stage(run: &ReportedRun, value: impl Fn(&StageSample) -> Option<f64>) -> Vec<Series> {
+fn of_each_stage(run: &ReportedRun, value: impl Fn(&Point) -> Option<f64>) -> Vec<Series> {
     let series = run.stages.iter().enumerate().map(|(place, stage)| {
-        let points = run.samples.iter().filter_map(|sample| {
-            let own = sample.stages.iter().find(|own| own.stage == stage.name)?;
-            value(own).map(|value| (sample.at_s, value))
-        });
+        let points = run
+            .samples
+            .iter()
+            .filter_map(|sample| value(sample.stages.get(&stage.name)?).map(|value| (sample.at_s, value)));
         let colour = CYCLE[place % CYCLE.len()];
         let points: Vec<_> = points.collect();
         // A line through one point cannot be seen.
@@ -153,9 +154,9 @@ fn restarts(run: &ReportedRun) -> Vec<Band> {
     let mut begin = 0.0;
     let mut bands = Vec::new();
     for sample in &run.samples {
-        if sample.stages.iter().any(|stage| stage.restarts > 0) {
+        if sample.stages.values().any(|stage| stage.restarts > 0) {
             bands.push(Band { x: begin..sample.at_s, colour: VERMILION });
-        } else if sample.stages.iter().any(|stage| stage.dropped > 0) {
+        } else if sample.stages.values().any(|stage| stage.dropped > 0) {
             bands.push(Band { x: begin..sample.at_s, colour: GREY });
         }
         begin = sample.at_s;
@@ -164,7 +165,7 @@ fn restarts(run: &ReportedRun) -> Vec<Band> {
 }
 
 fn restart_name(run: &ReportedRun) -> Vec<(String, plotters::style::RGBColor)> {
-    let any = |of: fn(&StageSample) -> u64| run.samples.iter().flat_map(|s| &s.stages).any(|s| of(s) > 0);
+    let any = |of: fn(&Point) -> u64| run.samples.iter().flat_map(|s| s.stages.values()).any(|s| of(s) > 0);
     let names = [(any(|s| s.restarts), "restart", VERMILION), (any(|s| s.dropped), "frames dropped", GREY)];
     names.into_iter().filter(|(is, ..)| *is).map(|(_, name, colour)| (name.to_owned(), colour)).collect()
 }

@@ -1,4 +1,4 @@
-//! `tessera ablate`: both tables and the plot, from the real executable.
+//! `tessera ablate`: both tables, from the real executable.
 
 use serde_json::Value;
 use std::path::Path;
@@ -10,7 +10,6 @@ fn ablate(dir: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_tessera"))
         .arg("ablate")
         .args(arguments)
-        .args(["--out", "plot.svg"])
         .current_dir(dir)
         .output()
         .unwrap()
@@ -53,7 +52,6 @@ fn the_columns_differ_and_the_whole_system_is_tessera_run() {
     }
     let improvement = tables["average_improvement_percent"][10].as_f64().unwrap();
     assert!((improvement - 100.0 * (1.0 - errors[10] / errors[2])).abs() < 1e-9);
-    assert!(std::fs::read_to_string(dir.path().join("plot.svg")).unwrap().contains("w = 5"));
 
     let run = Command::new(env!("CARGO_BIN_EXE_tessera"))
         .args(["run", "room", "--json", "--camera", "camera.toml", "--frames", FRAMES, "--out", "run"])
@@ -108,7 +106,4 @@ fn what_cannot_be_measured_is_refused_before_the_work() {
         std::fs::write(here.join("blind").join(list), "0.1 a.png\n").unwrap();
     }
     assert!(refusal(here, &["blind"], 3).contains("blind has no ground truth"));
-    assert!(!here.join("plot.svg").exists(), "a run that failed leaves no plot");
-    std::fs::create_dir(here.join("plot.svg")).unwrap();
-    assert!(refusal(here, &["room", "--frames", "40"], 4).contains("plot.svg: cannot write"));
 }

@@ -70,9 +70,7 @@ fn wrong_arguments_end_with_2() {
         refusal(&["stage", "algin", "--run-dir", "x"], 2).contains("sensor, reconstruct, align, optimise")
     );
     assert!(refusal(&["stage", "align"], 2).contains("--run"));
-    assert!(refusal(&["run", "some/folder", "--person"], 2).contains("for simulated scenes"));
-    assert!(refusal(&["run", "some/folder", "--readout", "0.03"], 2).contains("readout_s"));
-    assert!(refusal(&["run", "room", "--readout=-1"], 3).contains("readout_s is -1"));
+    assert!(refusal(&["run", "room", "--set", "simulation.readout_s=-1"], 3).contains("readout_s is -1"));
     assert!(refusal(&["export", "no-such-run"], 2).contains("no run \"no-such-run\""));
     assert!(refusal(&["resume", "no-such-run"], 2).contains("no run \"no-such-run\""));
     assert!(refusal(&["status", "no-such-run"], 2).contains("no run \"no-such-run\""));
@@ -118,7 +116,8 @@ fn wrong_settings_name_key_value_and_rule() {
     assert!(set("surface.max_depth_m=nan").contains("surface.max_depth_m is NaN, expected a number from"));
     assert!(set("surface.step=two").contains("`surface.step` is the text \"two\", expected a whole number"));
     assert!(
-        set("experiment.surface.edge_rule=xor").contains("unknown variant `xor`, expected `or` or `and`")
+        set("experiment.surface.variant=mine")
+            .contains("unknown variant `mine`, expected `tessera` or `paper`")
     );
     assert!(set("flow.window").contains("expected key=value"));
     assert!(

@@ -1,6 +1,6 @@
 //! The preset `onboard`: threads that change no byte, a map with a budget, a live run to its end.
 
-use crate::common::{Run, room};
+use crate::common::{FORGETFUL, Run, room};
 use tessera_slam::KeyframeState;
 use tessera_stage::ALIGN_JOURNAL;
 
@@ -27,7 +27,7 @@ fn a_map_with_a_budget_survives_deaths_to_the_bit() {
     let n_active = state.keyframes.iter().filter(|k| k.is_active()).count();
     assert!(n_active == 10 && state.keyframes.len() > 13, "{n_active} of {}", state.keyframes.len());
 
-    let forgetful = room().frames(240).with(&["--set", BUDGET, "--forget-every", "1"]);
+    let forgetful = room().frames(240).with(&["--set", BUDGET, "--set", FORGETFUL]);
     assert!(forgetful.finish().success());
     forgetful.assert_same_bytes(&plain, "a budget, and all state forgotten after each frame");
     let killed = room().frames(240).with(&["--set", BUDGET]).with_faults(
@@ -43,7 +43,7 @@ fn a_map_with_a_budget_survives_deaths_to_the_bit() {
 /// kept.
 fn surfaces_are_given_up(plain: &Run, state: &tessera_slam::TrackerState, budget: &str) {
     let none_kept = ["--set", budget, "--set", "flow.culled_mb=0"];
-    let sparse = room().frames(240).with(&none_kept).with(&["--forget-every", "1"]);
+    let sparse = room().frames(240).with(&none_kept).with(&["--set", FORGETFUL]);
     assert!(sparse.finish().success(), "{}", sparse.log());
     for name in ["trajectory.txt", "trajectory_online.txt", "keyframes.txt"] {
         assert!(sparse.output(name) == plain.output(name), "{name}: what is given up moves nothing");

@@ -1,6 +1,6 @@
 //! Each stage killed at each kill point: the outputs keep their bytes, nothing stays behind.
 
-use crate::common::{Run, room, signal, wait_for};
+use crate::common::{FORGETFUL, Run, room, signal, wait_for};
 use rustix::process::{Pid, Resource, Rlimit, prlimit};
 use std::sync::OnceLock;
 
@@ -93,7 +93,7 @@ fn a_successor_goes_on_from_a_checkpoint() {
 
 #[test]
 fn all_state_can_be_forgotten_and_checkpoints_damaged() {
-    let run = room().with(&CHECKPOINTS).with(&["--forget-every", "1"]);
+    let run = room().with(&CHECKPOINTS).with(&["--set", FORGETFUL]);
     let mut child = run.start();
     let mut older = Vec::new();
     let mut n_damaged = 0;
@@ -132,9 +132,9 @@ fn several_die_at_once() {
 
 #[test]
 fn all_state_can_be_forgotten_after_each_frame() {
-    let run = room().with(&["--forget-every", "1"]);
+    let run = room().with(&["--set", FORGETFUL]);
     assert!(run.finish().success());
-    run.assert_same_bytes(undisturbed(), "--forget-every 1");
+    run.assert_same_bytes(undisturbed(), FORGETFUL);
 }
 
 #[test]

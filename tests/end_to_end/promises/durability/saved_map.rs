@@ -1,6 +1,6 @@
 //! Runs that start in the map of an earlier run.
 
-use crate::common::{OUTPUTS, Run, signal};
+use crate::common::{FORGETFUL, OUTPUTS, Run, signal};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -125,9 +125,9 @@ fn deaths_and_forgetting_change_no_byte() {
         run.assert_same_bytes(undisturbed(), plan);
         assert_eq!(run.leftovers(), Vec::<PathBuf>::new());
     }
-    let run = second().with(&["--forget-every", "1"]);
+    let run = second().with(&["--set", FORGETFUL]);
     assert!(run.finish().success());
-    run.assert_same_bytes(undisturbed(), "--forget-every 1");
+    run.assert_same_bytes(undisturbed(), FORGETFUL);
 }
 
 #[test]

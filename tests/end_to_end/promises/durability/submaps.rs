@@ -1,7 +1,7 @@
 //! A camera that loses its place for good and finds it again, killed all along: the submaps that it
 //! makes, and their join, keep their bytes.
 
-use crate::common::{carried_by_a_lift, lost_and_found};
+use crate::common::{FORGETFUL, carried_by_a_lift, lost_and_found};
 
 #[test]
 fn a_lost_camera_s_submaps_are_joined_and_kills_change_no_byte() {
@@ -29,7 +29,7 @@ fn a_lost_camera_s_submaps_are_joined_and_kills_change_no_byte() {
     assert!(killed.finish().success(), "{plan}");
     assert!(killed.n_deaths() >= 6, "{plan}\n{}", killed.log());
     killed.assert_same_bytes(&whole, &plan);
-    let forgetful = lost_and_found().with(&["--forget-every", "1"]);
+    let forgetful = lost_and_found().with(&["--set", FORGETFUL]);
     assert!(forgetful.finish().success());
     forgetful.assert_same_bytes(&whole, "all state forgotten after each frame");
 }

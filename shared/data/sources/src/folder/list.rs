@@ -60,6 +60,11 @@ fn is_heading(line: &str) -> bool {
     !line.contains(|c: char| c.is_ascii_digit() || c == '.')
 }
 
+/// Whether a path that a file of a recording names stays in its folder.
+pub(crate) fn is_inside(file: &Path) -> bool {
+    file.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
+}
+
 /// What separates a time from a file name.
 pub(super) const SEPARATORS: [char; 4] = [' ', '\t', ',', ';'];
 
@@ -76,8 +81,7 @@ fn parse_line(line: &str) -> Result<(String, PathBuf), ListError> {
     }
     // As Windows writes a path.
     let file = PathBuf::from(file.replace('\\', "/"));
-    let inside = |part: Component<'_>| matches!(part, Component::Normal(_) | Component::CurDir);
-    if !file.components().all(inside) {
+    if !is_inside(&file) {
         return Err(ListError::Outside { found: file.display().to_string() });
     }
     Ok((stamp, file))

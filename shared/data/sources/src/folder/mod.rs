@@ -18,6 +18,7 @@ use files::Files;
 use layouts::{Asked, FoundLayout};
 pub(crate) use layouts::{is_known, pose_of_matrix};
 use list::ListEntry;
+pub(crate) use list::is_inside;
 pub(crate) use names::nanos_of;
 use std::path::{Path, PathBuf};
 use tessera_evaluation::Trajectory;

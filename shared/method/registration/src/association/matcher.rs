@@ -103,7 +103,7 @@ impl Matcher {
     /// that makes an inverse information matrix metric (method 9.3).
     pub fn metric_factor(&self) -> f64 {
         let sigma = f64::from(self.noise.sigma_m(REFERENCE_DEPTH_M));
-        sigma * sigma / f64::from(self.settings.weight.covariance_epsilon)
+        sigma * sigma / f64::from(self.settings.covariance_epsilon())
     }
 
     /// Matches the selected queries against a target and sums them up.
@@ -172,9 +172,9 @@ impl Matcher {
         self.rejection.keep_one_to_one(&mut self.found);
         let median_residual_sigmas = self.rejection.by_median(&mut self.found, limits.least_median);
         let reference_sigma_m = self.noise.sigma_m(REFERENCE_DEPTH_M);
-        rejection::weigh(&mut self.found, &self.settings.weight, reference_sigma_m);
+        rejection::weigh(&mut self.found, self.settings.variant, reference_sigma_m);
         self.steps.enter(Step::Accumulate);
-        let epsilon = self.settings.weight.covariance_epsilon;
+        let epsilon = self.settings.covariance_epsilon();
         let accumulate = Accumulate { found: &self.found, points: &self.chosen.points, epsilon };
         let sums = self.arch.dispatch(accumulate);
         let n_queries = n_queries as u32;
@@ -197,7 +197,7 @@ impl Matcher {
             query: queries.shutter(),
             target: *target.shutter,
             n_rows: [self.own_camera, self.camera].map(|camera| camera.grid.height as f32),
-            epsilon: self.settings.weight.covariance_epsilon,
+            epsilon: self.settings.covariance_epsilon(),
         })
     }
 

@@ -4,9 +4,9 @@ use crate::association::columns::Columns3;
 use crate::association::found::Found;
 use crate::association::limits::Limits;
 use crate::association::target::ShutterTable;
-use crate::settings::WeightSettings;
 use std::array::from_fn;
 use tessera_geometry::DepthNoise;
+use tessera_numerics::MethodVariant;
 use tessera_numerics::lanes::{LANES, Lanes, Real, dot, rotate, sub};
 
 /// Factor of the median residual beyond which a correspondence is an outlier (method 10.3).
@@ -152,13 +152,13 @@ impl Rejection {
 }
 
 /// Turns inverse variances into weights: `w = (2 sigma(1 m)^2 / variance) / (1 + (r/c)^2)`, the noise
-/// model and the Cauchy kernel on the normal residual, each as the settings have it.
-pub(crate) fn weigh(found: &mut Found, settings: &WeightSettings, reference_sigma_m: f32) {
+/// model and the Cauchy kernel on the normal residual with `c` = 1 deviation of depth; the paper has neither.
+pub(crate) fn weigh(found: &mut Found, variant: MethodVariant, reference_sigma_m: f32) {
     let unit = 2.0 * reference_sigma_m * reference_sigma_m;
-    let inverse = if settings.robust_sigmas > 0.0 { 1.0 / settings.robust_sigmas } else { 0.0 };
+    let inverse = if variant.is_paper() { 0.0 } else { 1.0 };
     for (weight, sigmas) in found.weight.iter_mut().zip(&found.sigmas) {
         let r = *sigmas * inverse;
-        let plain = if settings.noise_scaled { unit * *weight } else { 1.0 };
+        let plain = if variant.is_paper() { 1.0 } else { unit * *weight };
         *weight = if *weight > 0.0 { plain / (1.0 + r * r) } else { 0.0 };
     }
 }

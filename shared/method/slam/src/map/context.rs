@@ -8,8 +8,8 @@ use crate::settings::MappingSettings;
 use std::borrow::Cow;
 use tessera_geometry::{Camera, DepthNoise, Twist};
 use tessera_numerics::Steps;
-use tessera_registration::{GridCamera, KdTree, Matcher, RegistrationSettings, SearchMethod, ShutterTable};
-use tessera_surface::{CellSample, Grid, SurfaceSettings, SurfaceView};
+use tessera_registration::{GridCamera, KdTree, Matcher, RegistrationSettings, ShutterTable};
+use tessera_surface::{Grid, SurfaceSettings, SurfaceView};
 
 /// Camera, grid and settings of one run.
 #[derive(Clone, Debug)]
@@ -60,10 +60,7 @@ impl Context {
             height: (camera.height as usize).div_ceil(step),
             step,
         };
-        let offset_px = match surface.cell_sample {
-            CellSample::Mean => (f64::from(surface.step) - 1.0) / 2.0,
-            CellSample::Corner => 0.0,
-        };
+        let offset_px = if surface.variant.is_paper() { 0.0 } else { (f64::from(surface.step) - 1.0) / 2.0 };
         Self {
             camera: camera.clone(),
             grid,
@@ -175,12 +172,9 @@ impl Context {
         Matcher::new(self.grid_camera(), self.noise, &self.registration)
     }
 
-    /// The tree of a surface, where the exact search is asked for.
+    /// The tree of a surface, where partners are the nearest anywhere, as the paper has it.
     pub(crate) fn tree(&self, surface: &SurfaceView<'_>, shutter: &ShutterTable) -> Option<KdTree> {
-        match self.registration.search {
-            SearchMethod::Exact => Some(KdTree::new(surface, shutter)),
-            SearchMethod::Projective => None,
-        }
+        self.registration.variant.is_paper().then(|| KdTree::new(surface, shutter))
     }
 
     fn grid_camera(&self) -> GridCamera {

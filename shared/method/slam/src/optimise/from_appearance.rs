@@ -13,7 +13,7 @@ use crate::pairs::matchable::Matchable;
 use crate::pairs::matching::{PairFinder, Reach};
 use crate::pairs::pair_alignment::PairAlignment;
 use crate::pairs::verification::{self, Tested};
-use crate::settings::{GlobalSettings, WindowSettings};
+use crate::settings::{GlobalSettings, MappingSettings};
 use crate::tracking::degeneracy::is_determined;
 use std::sync::Arc;
 use tessera_geometry::Pose;
@@ -99,7 +99,7 @@ fn alike(
 ) -> Option<AlikePair> {
     let seed = u64::from(ids.0) << 32 | u64::from(ids.1);
     let guess = by_features(context, finder, newer, older, seed);
-    let (at, block) = aligned(&context.mapping.window, matcher, [newer, older], guess);
+    let (at, block) = aligned(&context.mapping, matcher, [newer, older], guess);
     // Bare walls fit wherever they are tried: what they leave open only features can tell.
     if guess.is_none() && !is_determined(context, &block.linearise(&at).0) {
         return None;
@@ -125,20 +125,20 @@ fn by_features(
 
 /// `older_from_newer` from a guess or from none, and the tightest matches there.
 fn aligned(
-    window: &WindowSettings,
+    mapping: &MappingSettings,
     matcher: &mut Matcher,
     [newer, older]: [&Matchable<'_>; 2],
     guess: Option<Pose>,
 ) -> (Pose, PairBlock) {
     let first_m =
-        if guess.is_some() { GlobalSettings::FIRST_DISTANCE_M } else { window.max_first_distance_m };
+        if guess.is_some() { GlobalSettings::FIRST_DISTANCE_M } else { mapping.first_distance_m()[1] };
     let alignment = PairAlignment {
         query: newer.queries(),
         target: older,
         n_queries: GlobalSettings::QUERIES_PER_PAIR,
         limits: &|tightness| MatchLimits::new(first_m, tightness),
     };
-    let schedule = Schedule::shrinking(window.outer_iterations, 0).tightness;
+    let schedule = Schedule::shrinking(mapping.outer_iterations(), 0).tightness;
     let wider = &schedule[..schedule.len() - 1];
     let at = alignment.solve(matcher, &guess.unwrap_or_else(Pose::identity), wider).target_from_query;
     (at, alignment.search(matcher, &at, 1.0).0)

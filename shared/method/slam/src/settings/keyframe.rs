@@ -11,10 +11,6 @@ pub struct KeyframeSettings {
     pub translation_m: f64,
     /// Rotation from the last keyframe, degrees.
     pub rotation_deg: f64,
-    /// Gain of entropy over the keyframe's reference, nats; 0 switches the test off.
-    pub entropy_gain_nats: f64,
-    /// Ratio of entropies below which a keyframe is made (eq. 15); 0 switches the test off.
-    pub entropy_ratio: f64,
     /// Distance to another keyframe below which one is culled, metres, a degree as a centimetre:
     /// nothing is aligned to it any more. 0: none is.
     pub redundant_within_m: f64,
@@ -25,14 +21,7 @@ pub struct KeyframeSettings {
 
 impl Default for KeyframeSettings {
     fn default() -> Self {
-        Self {
-            translation_m: 0.1,
-            rotation_deg: 6.0,
-            entropy_gain_nats: 4.0,
-            entropy_ratio: 0.0,
-            redundant_within_m: 0.075,
-            budget: 0,
-        }
+        Self { translation_m: 0.1, rotation_deg: 6.0, redundant_within_m: 0.075, budget: 0 }
     }
 }
 
@@ -41,8 +30,6 @@ impl KeyframeSettings {
     pub(super) fn check(&self) -> Result<(), SettingError> {
         check_range("keyframe.translation_m", self.translation_m, 0.001, 10.0)?;
         check_range("keyframe.rotation_deg", self.rotation_deg, 0.1, 180.0)?;
-        check_range("keyframe.entropy_gain_nats", self.entropy_gain_nats, 0.0, 1e3)?;
-        check_range("keyframe.entropy_ratio", self.entropy_ratio, 0.0, 1.0)?;
         check_range("keyframe.redundant_within_m", self.redundant_within_m, 0.0, 10.0)?;
         if self.budget != 0 {
             check_range("keyframe.budget", self.budget.into(), 10.0, 2000.0)?;

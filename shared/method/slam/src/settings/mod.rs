@@ -16,7 +16,7 @@ pub use loops::LoopSettings;
 pub use relocalise::RelocaliseSettings;
 use serde::{Deserialize, Serialize};
 pub use submaps::SubmapSettings;
-use tessera_numerics::SettingError;
+use tessera_numerics::{MethodVariant, SettingError};
 pub use window::WindowSettings;
 pub use world_up::WorldUp;
 
@@ -44,9 +44,21 @@ pub struct MappingSettings {
     pub global: GlobalSettings,
     /// Features.
     pub features: FeatureUse,
+    /// Schedule of the window's alignment, and the entropy's part in the keyframe test.
+    pub variant: MethodVariant,
 }
 
 impl MappingSettings {
+    /// Outer iterations while tracking (method 5.1).
+    pub(crate) fn outer_iterations(&self) -> u32 {
+        if self.variant.is_paper() { 10 } else { 6 }
+    }
+
+    /// Bounds of the first distance limit while tracking, metres (method 5.1).
+    pub(crate) fn first_distance_m(&self) -> [f64; 2] {
+        if self.variant.is_paper() { [2.0, 2.0] } else { [0.1, 0.5] }
+    }
+
     /// Checks every range, NaN included.
     ///
     /// # Errors

@@ -12,16 +12,7 @@ pub struct WindowSettings {
     /// Correspondences sought per frame, split evenly over the window.
     #[serde(skip)]
     pub match_budget: u32,
-    /// Outer iterations while tracking.
-    pub outer_iterations: u32,
-    /// Lower bound of the first distance limit while tracking, metres.
-    pub min_first_distance_m: f64,
-    /// Upper bound of the first distance limit while tracking, metres.
-    pub max_first_distance_m: f64,
-    /// Whether the rotation of the prediction is the gyroscope's where the source has one.
-    #[serde(skip)]
-    pub inertial_rotation: bool,
-    /// Whether dynamic points are excluded; never where `registration.weight.robust_sigmas` is 0.
+    /// Whether dynamic points are excluded; never in the paper's variant.
     #[serde(skip)]
     pub at_rest_only: bool,
     /// Least share of queries with a match.
@@ -43,10 +34,6 @@ impl Default for WindowSettings {
         Self {
             size: 5,
             match_budget: 4000,
-            outer_iterations: 6,
-            min_first_distance_m: 0.1,
-            max_first_distance_m: 0.5,
-            inertial_rotation: true,
             at_rest_only: true,
             min_match_share: 0.15,
             max_residual_sigmas: 3.0,
@@ -77,14 +64,6 @@ impl WindowSettings {
     pub(super) fn check(&self) -> Result<(), SettingError> {
         check_range("window.size", self.size.into(), 1.0, 10.0)?;
         check_range("window.match_budget", self.match_budget.into(), 50.0, 1e6)?;
-        check_range("window.outer_iterations", self.outer_iterations.into(), 2.0, 100.0)?;
-        check_range("window.min_first_distance_m", self.min_first_distance_m, 0.001, 10.0)?;
-        check_range(
-            "window.max_first_distance_m",
-            self.max_first_distance_m,
-            self.min_first_distance_m,
-            10.0,
-        )?;
         check_range("window.min_match_share", self.min_match_share, 0.0, 1.0)?;
         check_range("window.max_residual_sigmas", self.max_residual_sigmas, 0.1, 1e3)?;
         check_range("window.min_matched", self.min_matched, 0.0, 1.0)?;

@@ -177,7 +177,7 @@ impl Aligner {
         let target = Target { surface: reference.surface, shutter: &reference.shutter, tree: None };
         let target_from_query = reference.world_from_camera.inverse() * world_from_camera;
         let selection = Selection { count: samples.len(), shift: 0 };
-        let limits = MatchLimits::new(context.mapping.window.min_first_distance_m, 0.5);
+        let limits = MatchLimits::new(context.mapping.first_distance_m()[0], 0.5);
         self.matcher.match_pair(&self.queries, selection, &target, &target_from_query, &limits).1
     }
 

@@ -40,7 +40,7 @@ pub(crate) fn colour_record(
     let guess = Prediction {
         world_from_camera: aligned.alignment.world_from_camera,
         is_known: false,
-        first_distance_m: input.context.mapping.window.min_first_distance_m,
+        first_distance_m: input.context.mapping.first_distance_m()[0],
         outer_iterations: WindowSettings::REFINING_ITERATIONS,
         ..*prediction
     };

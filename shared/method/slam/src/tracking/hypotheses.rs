@@ -56,7 +56,7 @@ fn once_more(
     let guess = Prediction {
         world_from_camera: found.alignment.world_from_camera,
         is_known: true,
-        first_distance_m: window.min_first_distance_m,
+        first_distance_m: input.context.mapping.first_distance_m()[0],
         outer_iterations: WindowSettings::REFINING_ITERATIONS,
         ..*prediction
     };

@@ -10,7 +10,7 @@ use tessera_geometry::{Pose, RelativeRotation, Twist, Vector6, compose_normalise
 
 /// An initial guess that no motion leads to, with the widest search.
 pub(crate) fn place(input: &TrackingInput<'_>, world_from_camera: &Pose) -> Prediction {
-    let window = &input.context.mapping.window;
+    let mapping = &input.context.mapping;
     Prediction {
         world_from_camera: *world_from_camera,
         previous: None,
@@ -18,17 +18,17 @@ pub(crate) fn place(input: &TrackingInput<'_>, world_from_camera: &Pose) -> Pred
         velocity: Twist::default(),
         rotation_sigma_rad: None,
         motion: None,
-        first_distance_m: window.max_first_distance_m,
-        outer_iterations: window.outer_iterations,
+        first_distance_m: mapping.first_distance_m()[1],
+        outer_iterations: mapping.outer_iterations(),
     }
 }
 
 /// The same initial guess with the widest search.
 pub(crate) fn widened(input: &TrackingInput<'_>, prediction: &Prediction) -> Prediction {
-    let window = &input.context.mapping.window;
+    let mapping = &input.context.mapping;
     Prediction {
-        first_distance_m: window.max_first_distance_m,
-        outer_iterations: window.outer_iterations,
+        first_distance_m: mapping.first_distance_m()[1],
+        outer_iterations: mapping.outer_iterations(),
         ..*prediction
     }
 }
@@ -63,7 +63,6 @@ pub(crate) fn predict(input: &TrackingInput<'_>) -> Prediction {
     if let Some(measured) = &measured {
         velocity.phi = measured.rate_rad_per_s(seconds);
     }
-    let window = &input.context.mapping.window;
     let world_from_camera = compose_normalised(&last_pose, &velocity.scaled(seconds));
     let motion = motion.map(|motion| match &measured {
         Some(measured) => motion.turned(&world_from_camera, measured.sigma_rad),
@@ -72,6 +71,8 @@ pub(crate) fn predict(input: &TrackingInput<'_>) -> Prediction {
     // Three deviations, of points a metre away.
     let first_m =
         motion.as_ref().map_or(f64::INFINITY, |motion| 3.0 * motion.variance.iter().sum::<f64>().sqrt());
+    let mapping = &input.context.mapping;
+    let [least_m, most_m] = mapping.first_distance_m();
     Prediction {
         world_from_camera,
         previous: Some((last_pose, seconds)),
@@ -79,8 +80,8 @@ pub(crate) fn predict(input: &TrackingInput<'_>) -> Prediction {
         velocity,
         rotation_sigma_rad: measured.map(|m| m.sigma_rad),
         motion,
-        first_distance_m: first_m.clamp(window.min_first_distance_m, window.max_first_distance_m),
-        outer_iterations: window.outer_iterations,
+        first_distance_m: first_m.clamp(least_m, most_m),
+        outer_iterations: mapping.outer_iterations(),
     }
 }
 
@@ -91,6 +92,5 @@ fn measured_rotation(
     seconds: f64,
 ) -> Option<RelativeRotation> {
     let (earlier, later) = (last.rotation?, input.frame.rotation?);
-    let is_used = input.context.mapping.window.inertial_rotation && seconds > 0.0;
-    is_used.then(|| earlier.until(&later, seconds))
+    (seconds > 0.0).then(|| earlier.until(&later, seconds))
 }

@@ -57,7 +57,7 @@ impl<'a> SeenThrough<'a> {
     /// From a predicted pose; nothing is known where the prediction is not precise.
     fn from(input: &TrackingInput<'a>, prediction: &Prediction) -> Self {
         let context = input.context;
-        let is_robust = context.registration.weight.robust_sigmas > 0.0;
+        let is_robust = !context.registration.variant.is_paper();
         let is_wanted =
             context.mapping.window.at_rest_only && is_robust && is_precise(&context.mapping, prediction);
         let ids = if is_wanted { asked(&input.map, input.frame.stamp_nanos) } else { Vec::new() };

@@ -80,7 +80,7 @@ fn new_keyframe(
         || previous.state != State::Tracking
         // Its features would be those of a frame before; the next frame has its own.
         || (previous.repeats_colour && !aligner.sight.is_repeated)
-        || !keyframe_test::is_due(&input.context.mapping.keyframe, &distance)
+        || !keyframe_test::is_due(&input.context.mapping, &distance)
     {
         return None;
     }

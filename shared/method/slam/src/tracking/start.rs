@@ -51,11 +51,10 @@ pub(crate) fn guess_from_features(
     if !is_better && !is_elsewhere() {
         return None;
     }
-    let window = &input.context.mapping.window;
     let mut guess = Prediction {
         world_from_camera,
         is_known: true,
-        first_distance_m: window.min_first_distance_m,
+        first_distance_m: input.context.mapping.first_distance_m()[0],
         outer_iterations: WindowSettings::REFINING_ITERATIONS,
         ..*prediction
     };

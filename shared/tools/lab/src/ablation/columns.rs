@@ -6,32 +6,19 @@ use tessera_slam::WindowSettings;
 /// One column: what it varies, and the settings that say so.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Column {
-    /// What the column belongs to.
-    pub group: Group,
     /// The value varied, as in the table's head: `n = 4`.
     pub name: String,
     /// `key=value`, over the base.
     pub overrides: Vec<String>,
 }
 
-/// A group of columns of Table I.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Group {
-    /// Each frame against the one before, no filter, every n-th pixel.
-    Pairwise,
-    /// The same with n = 4 and the filter over k rings.
-    Filter,
-    /// Each frame against w others, n = 4, k = 4.
-    Window,
-}
-
 /// The column that the improvements refer to: pairwise, n = 4, no filter.
 pub(super) const REFERENCE: usize = 2;
 
-/// All columns, in the paper's order.
+/// All columns, in the paper's order: each frame against the one before, no filter, every n-th pixel; the same with
+/// n = 4 and the filter over k rings; each frame against w others, n = 4, k = 4.
 pub fn columns() -> Vec<Column> {
-    let column = |group, letter: char, value: u32, settings: [u32; 3]| {
+    let column = |letter: char, value: u32, settings: [u32; 3]| {
         let [step, rings, window] = settings;
         let mut overrides = vec![
             format!("surface.step={step}"),
@@ -43,11 +30,11 @@ pub fn columns() -> Vec<Column> {
             // Keyframes then serve a lost camera alone, and few of them take less memory.
             overrides.extend(SPARSE_KEYFRAMES.map(str::to_owned));
         }
-        Column { group, name: format!("{letter} = {value}"), overrides }
+        Column { name: format!("{letter} = {value}"), overrides }
     };
-    let pairwise = [1, 2, 4].map(|n| column(Group::Pairwise, 'n', n, [n, 0, 1]));
-    let filter = [1, 2, 3, 4].map(|k| column(Group::Filter, 'k', k, [4, k, 1]));
-    let window = [2, 3, 4, 5].map(|w| column(Group::Window, 'w', w, [4, 4, w]));
+    let pairwise = [1, 2, 4].map(|n| column('n', n, [n, 0, 1]));
+    let filter = [1, 2, 3, 4].map(|k| column('k', k, [4, k, 1]));
+    let window = [2, 3, 4, 5].map(|w| column('w', w, [4, 4, w]));
     pairwise.into_iter().chain(filter).chain(window).collect()
 }
 
@@ -63,12 +50,8 @@ fn accept_all(window: &mut WindowSettings) {
     window.max_in_front = 1.0;
 }
 
-const SPARSE_KEYFRAMES: [&str; 4] = [
-    "mapping.keyframe.translation_m=0.5",
-    "mapping.keyframe.rotation_deg=30",
-    "experiment.mapping.keyframe.entropy_gain_nats=0",
-    "experiment.mapping.keyframe.entropy_ratio=0",
-];
+const SPARSE_KEYFRAMES: [&str; 2] =
+    ["mapping.keyframe.translation_m=0.5", "mapping.keyframe.rotation_deg=30"];
 
 impl Column {
     /// The column's settings over `base` (a preset or a file) and `overrides`.

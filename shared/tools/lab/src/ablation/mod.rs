@@ -5,7 +5,6 @@ mod markdown;
 mod measure;
 mod parts;
 mod peers;
-mod plot;
 mod table;
 
 pub use columns::columns;
@@ -13,5 +12,4 @@ pub use markdown::markdown;
 pub use measure::{AblationPlan, ground_truth, measure};
 pub use parts::Part;
 pub use peers::Peers;
-pub use plot::svg;
 pub use table::Tables;

@@ -1,6 +1,6 @@
 //! Results of an ablation, as data: the rows, their errors, and the average improvement.
 
-use super::columns::{Column, Group, REFERENCE};
+use super::columns::{Column, REFERENCE};
 use super::parts::{PARTS, Part};
 use super::peers::PeerResult;
 use serde::Serialize;
@@ -69,8 +69,6 @@ pub struct AblationRow {
 /// Head of a column.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Head {
-    /// What it belongs to.
-    pub group: Group,
     /// What it varies.
     pub name: String,
     /// Its settings over the base.
@@ -100,7 +98,7 @@ pub struct Tables {
 impl Tables {
     /// Puts the measured rows of all sequences into tables.
     pub fn new(bases: [&str; 2], seeds: u64, columns: &[Column], rows: Vec<AblationRow>) -> Self {
-        let head = |c: &Column| Head { group: c.group, name: c.name.clone(), settings: c.overrides.clone() };
+        let head = |c: &Column| Head { name: c.name.clone(), settings: c.overrides.clone() };
         Self {
             columns_base: bases[0].to_owned(),
             whole_base: bases[1].to_owned(),

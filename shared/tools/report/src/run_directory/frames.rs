@@ -4,7 +4,7 @@ use crate::{Frame, FrameState, Keyframe};
 use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use tessera_evaluation::{AteOptions, Trajectory, ate};
 use tessera_geometry::Pose;
-use tessera_outputs::{Replay, as_trajectory, final_rows};
+use tessera_outputs::{Replay, as_trajectory, deviation_m, final_rows};
 use tessera_slam::{FrameRecord, SkippedFrames, State};
 
 /// Ground truth shown before the first and behind the last frame, nanoseconds.
@@ -114,9 +114,7 @@ pub(crate) fn state(state: State) -> FrameState {
 
 /// Standard deviation of the position, from the diagonal of the covariance.
 pub(super) fn std_m(record: &FrameRecord) -> Option<f64> {
-    let variances = [0, 6, 11].map(|place| record.pose.covariance.get(place).copied());
-    let [Some(x), Some(y), Some(z)] = variances else { return None };
-    Some((x + y + z).max(0.0).sqrt()).filter(|std| std.is_finite())
+    deviation_m(record).filter(|std| std.is_finite())
 }
 
 /// Marks of frames that were left out; of more than these in a row the page shows the first.

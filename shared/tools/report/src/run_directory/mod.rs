@@ -97,7 +97,7 @@ fn of_run(run: &ReadRun, most_points: Option<usize>) -> Result<ReportedRun, Tool
         frames: placed.frames,
         truth_m: placed.truth_m,
         stages: processes::stages(summary, &timeline),
-        samples: processes::samples(&timeline),
+        samples: timeline.samples,
         events,
         n_more_events,
         settings: settings::of(settings),

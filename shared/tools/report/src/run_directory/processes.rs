@@ -1,6 +1,6 @@
 //! Work of the processes, from the summary and the timeline.
 
-use crate::{ProcessSample, StageFigures, StageSample};
+use crate::StageFigures;
 use tessera_messages::TimeCounts;
 use tessera_outputs::{END_TO_END, Summary, Timeline};
 
@@ -25,20 +25,4 @@ pub(super) fn stages(summary: &Summary, timeline: &Timeline) -> Vec<StageFigures
             }
         })
         .collect()
-}
-
-/// The timeline in the report's form.
-pub(super) fn samples(timeline: &Timeline) -> Vec<ProcessSample> {
-    let stage = |(name, point): (&String, &tessera_outputs::Point)| StageSample {
-        stage: name.clone(),
-        mean_longest_ms: point.mean_ms.zip(point.longest_ms),
-        dropped: point.dropped,
-        restarts: point.restarts,
-        peak_rss_mb: point.peak_rss_mb,
-    };
-    let sample = |sample: &tessera_outputs::TimelineSample| ProcessSample {
-        at_s: sample.at_s,
-        stages: sample.stages.iter().map(stage).collect(),
-    };
-    timeline.samples.iter().map(sample).collect()
 }

@@ -2,13 +2,13 @@
 //! `livingRoom0.gt.freiburg` by the same numbers. Associations with times are read as well, and under any
 //! name: many programs have one write such a list for oneself.
 
-use super::super::list::{self, ListEntry, SEPARATORS};
+use super::super::list::{self, ListEntry, SEPARATORS, is_inside};
 use super::asked::ChosenCamera;
 use super::files::{names, number_nanos, text, wrong};
 use super::{Asked, FoundLayout, truth, tum};
 use crate::SourceError;
 use std::io::Read;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 use tessera_evaluation::Trajectory;
 use tessera_frames::cameras::named_camera;
 
@@ -144,8 +144,7 @@ impl<'a> AssociationRow<'a> {
     fn parse(line: &'a str) -> Option<Self> {
         let words: Vec<&str> = line.split(SEPARATORS).filter(|word| !word.is_empty()).collect();
         let [a, a_file, b, b_file] = words[..] else { return None };
-        let is_inside = |part: Component<'_>| matches!(part, Component::Normal(_) | Component::CurDir);
-        if ![a_file, b_file].iter().all(|file| Path::new(file).components().all(is_inside)) {
+        if ![a_file, b_file].iter().all(|file| is_inside(Path::new(file))) {
             return None;
         }
         match (a_file.contains("depth"), b_file.contains("depth")) {

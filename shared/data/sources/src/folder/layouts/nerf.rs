@@ -2,7 +2,7 @@
 //! for each frame `file_path`, `depth_file_path` and `transform_matrix`, camera to world with y up and z
 //! backward.
 
-use super::super::list::ListEntry;
+use super::super::list::{ListEntry, is_inside};
 use super::super::names::{NameMeaning, nanos_of, understand};
 use super::asked::ChosenCamera;
 use super::files::{json, number_nanos, size_of, some_depth, wrong};
@@ -11,7 +11,7 @@ use super::{Asked, FoundLayout};
 use crate::SourceError;
 use nalgebra::{UnitQuaternion, Vector3};
 use serde::Deserialize;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 use tessera_frames::ColourCamera;
 use tessera_frames::camera_forms::{StatedCamera, read_stated};
 use tessera_geometry::Pose;
@@ -172,7 +172,7 @@ fn times(
 /// A file of the folder.
 fn inside(file: &str, path: &Path) -> Result<PathBuf, SourceError> {
     let name = PathBuf::from(file);
-    match name.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir)) {
+    match is_inside(&name) {
         true => Ok(name),
         false => Err(wrong(path, format!("a frame's file is '{file}', expected a path inside the folder"))),
     }

@@ -1,35 +1,65 @@
-//! A source without its first frames: what was its frame `n` is frame 0.
+//! A source as it is asked for: without its first frames, and images that are too large reduced by whole steps.
 
 use crate::{FrameBuffers, FrameInfo, Pairing, Source, SourceError, TakenColour};
 use tessera_evaluation::Trajectory;
+use tessera_frames::large::{reduce_colour, reduce_depth, reduced_camera, reduction};
 use tessera_geometry::Camera;
 
-/// All frames of a source from one on.
-pub(crate) struct SkippedSource {
+/// All frames of a source from one on: what was its frame `n` is frame 0.
+pub(crate) struct PartialSource {
     source: Box<dyn Source>,
     n_skipped: u64,
+    /// Pixels of a row, and of a column, to one.
+    step: u32,
+    camera: Camera,
+    warnings: Vec<String>,
 }
 
-impl SkippedSource {
-    /// Leaves the first frames out.
+impl PartialSource {
+    /// Leaves the first frames out, and reduces what is too large.
     ///
     /// # Errors
     /// Where no frame is left.
     pub(crate) fn new(source: Box<dyn Source>, n_skipped: u64) -> Result<Self, SourceError> {
-        match source.n_frames() {
-            Some(n_frames) if n_frames <= n_skipped => Err(SourceError::NothingLeft { n_frames, n_skipped }),
-            _ => Ok(Self { source, n_skipped }),
+        if let Some(n_frames) = source.n_frames().filter(|n_frames| n_skipped > 0 && *n_frames <= n_skipped) {
+            return Err(SourceError::NothingLeft { n_frames, n_skipped });
         }
+        let full = source.camera();
+        let (step, mut warnings) = (reduction(full), source.warnings().to_vec());
+        let camera = if step > 1 { reduced_camera(full, step) } else { full.clone() };
+        if step > 1 {
+            warnings.push(format!(
+                "images of {}x{} px are reduced to {}x{}, {step} pixels of a row to one",
+                full.width, full.height, camera.width, camera.height
+            ));
+        }
+        Ok(Self { source, n_skipped, step, camera, warnings })
     }
 
     fn inner(&self, index: u64) -> u64 {
         index.saturating_add(self.n_skipped)
     }
+
+    fn read_reduced(&self, index: u64, buffers: &mut FrameBuffers<'_>) -> Result<FrameInfo, SourceError> {
+        buffers.check(&self.camera)?;
+        let full = self.source.camera();
+        let n = (full.width as usize).saturating_mul(full.height as usize);
+        let (mut depth, mut colour) = (vec![0; n], vec![0; n.saturating_mul(3)]);
+        let mut whole = FrameBuffers { depth: &mut depth, colour: &mut colour };
+        let info = self.source.read(index, &mut whole);
+        let (width, to_width) = (full.width, self.camera.width);
+        if matches!(info, Ok(_) | Err(SourceError::Colour(_))) {
+            reduce_depth(&depth, width, self.step, buffers.depth, to_width);
+        }
+        let info = info?;
+        reduce_colour(&colour, width, self.step, buffers.colour, to_width);
+        Ok(info)
+    }
 }
 
-impl Source for SkippedSource {
+impl Source for PartialSource {
     fn camera(&self) -> &Camera {
-        self.source.camera()
+        &self.camera
     }
 
     fn n_frames(&self) -> Option<u64> {
@@ -41,7 +71,10 @@ impl Source for SkippedSource {
     }
 
     fn read(&self, index: u64, buffers: &mut FrameBuffers<'_>) -> Result<FrameInfo, SourceError> {
-        self.source.read(self.inner(index), buffers)
+        match self.step {
+            1 => self.source.read(self.inner(index), buffers),
+            _ => self.read_reduced(self.inner(index), buffers),
+        }
     }
 
     fn colour_as_taken(&self, index: u64) -> Result<Option<TakenColour>, SourceError> {
@@ -61,7 +94,7 @@ impl Source for SkippedSource {
     }
 
     fn warnings(&self) -> &[String] {
-        self.source.warnings()
+        &self.warnings
     }
 
     fn inspect(&self, index: u64) -> Result<(), SourceError> {
@@ -73,7 +106,12 @@ impl Source for SkippedSource {
     }
 
     fn description(&self) -> Vec<(&'static str, String)> {
-        self.source.description()
+        let mut description = self.source.description();
+        let full = self.source.camera();
+        if self.step > 1 {
+            description.push(("reduced", format!("by {} from {}x{} px", self.step, full.width, full.height)));
+        }
+        description
     }
 }
 
