@@ -3,13 +3,12 @@
 use crate::base::status::Status;
 use crate::base::traffic::Traffic;
 use crate::map::joint::{component_file, map_folder};
-use crate::map::picture::{BarRow, Line, bars, chart, colour, top_view};
 use crate::map::scene::SCENE_FILE;
 use crate::map::summary::{JoinVerdict, JointSummary};
 use std::path::Path;
 use tessera_evaluation::read_tum;
 use tessera_outputs::html::{self, escaped};
-use tessera_report::whole_page;
+use tessera_report::{CYCLE, Chart, ChartForm, Series, VERMILION, whole_page};
 
 /// Its name.
 pub const REPORT_FILE: &str = "report.html";
@@ -107,26 +106,42 @@ fn robots(status: &Status) -> Vec<&str> {
 
 fn maps(map: &JointSummary, robots: &[&str], ways: &[RunWay]) -> String {
     let robot_of = |label: &str| map.runs.iter().find(|run| run.label == label).map(|run| run.robot.as_str());
-    let colour_of = |label: &str| {
-        colour(robot_of(label).and_then(|robot| robots.iter().position(|known| *known == robot)).unwrap_or(0))
-    };
+    let number_of =
+        |label: &str| robot_of(label).and_then(|robot| robots.iter().position(|known| *known == robot));
     let mut out = String::new();
     for (place, component) in map.components.iter().enumerate() {
         let own = ways.iter().filter(|way| way.component == place);
-        let lines: Vec<Line> = own
-            .map(|way| Line {
-                name: way.label.clone(),
-                colour: colour_of(&way.label),
-                points: way.points_m.iter().map(|p| (p[0], p[1])).collect(),
+        let mut series: Vec<Series> = own
+            .map(|way| {
+                let points = way.points_m.iter().map(|p| (p[0], p[1])).collect();
+                of_robot(number_of(&way.label).unwrap_or(0), &way.label, points, ChartForm::Line)
             })
             .collect();
         let joins = map.joins.iter().filter(|join| join.component == Some(component.component));
-        let joins: Vec<[[f64; 2]; 2]> =
-            joins.filter_map(|join| Some([join.at_m?, join.with_at_m?].map(|p| [p[0], p[2]]))).collect();
-        let words = format!("{}: {} keyframes", component.map, component.keyframes);
-        out.push_str(&format!("<h4>{}</h4>{}", escaped(&words), top_view(&words, &lines, &joins)));
+        let joins = joins.filter_map(|join| Some([join.at_m?, join.with_at_m?].map(|p| (p[0], p[2]))));
+        let points: Vec<(f64, f64)> = joins.flatten().collect();
+        if !points.is_empty() {
+            let name = format!("joins that hold ({})", points.len() / 2);
+            series.push(Series { name, colour: VERMILION, points, size: 3.0, form: ChartForm::Segments });
+        }
+        let what = format!("{}: {} keyframes", component.map, component.keyframes);
+        let heading = format!("<h4>{}</h4>", escaped(&what));
+        let (x_label, y_label) = ("right, m".into(), "forward, m".into());
+        let chart = Chart { what, x_label, y_label, series, is_map: true, ..Chart::default() };
+        out.push_str(&format!("{heading}{}", drawn(&chart)));
     }
     if out.is_empty() { "<p class=\"note\">None yet.</p>".into() } else { out }
+}
+
+/// What is known of the robot that came as number `place`, in its colour.
+fn of_robot(place: usize, name: &str, points: Vec<(f64, f64)>, form: ChartForm) -> Series {
+    let size = if form == ChartForm::Segments { 8.0 } else { 1.6 };
+    let colour = CYCLE.iter().cycle().nth(place).copied().unwrap_or(VERMILION);
+    Series { name: name.to_owned(), colour, points, size, form }
+}
+
+fn drawn(chart: &Chart) -> String {
+    chart.html().unwrap_or_else(|error| format!("<p class=\"note\">{}</p>", escaped(&error.to_string())))
 }
 
 fn joins(map: &JointSummary) -> String {
@@ -166,21 +181,24 @@ fn traffic_section(robots: &[&str], traffic: &Traffic) -> String {
     if traffic.last_s() <= 0.0 {
         return String::new();
     }
-    let named = || robots.iter().enumerate().map(|(place, robot)| (colour(place), (*robot).to_owned()));
-    let lines: Vec<Line> = named()
-        .map(|(colour, name)| {
-            let points = traffic.rates(&name).into_iter().map(|(at_s, rate)| (at_s, rate / 1e3)).collect();
-            Line { name, colour, points }
-        })
-        .collect();
+    let rates = |(place, robot): (usize, &&str)| {
+        let points = traffic.rates(robot).into_iter().map(|(at_s, rate)| (at_s, rate / 1e3)).collect();
+        of_robot(place, robot, points, ChartForm::Line)
+    };
+    let contacts = |(place, robot): (usize, &&str)| {
+        let at = |(from, to): (f64, f64)| [from, to].map(|at_s| (at_s, place as f64 + 1.0));
+        of_robot(place, robot, traffic.spans(robot).into_iter().flat_map(at).collect(), ChartForm::Segments)
+    };
+    let over_time = |what: &str, y_label: &str, series: Vec<Series>| {
+        let (what, x_label, y_label) = (what.into(), SINCE.into(), y_label.into());
+        drawn(&Chart { what, x_label, y_label, series, from_zero: true, ..Chart::default() })
+    };
     let of_robots =
         table("numbers", &TRAFFIC_HEAD, robots.iter().map(|robot| totals(robot, traffic)).collect());
-    let rows: Vec<BarRow> =
-        named().map(|(colour, name)| BarRow { spans: traffic.spans(&name), name, colour }).collect();
     format!(
         "{of_robots}<h4>Received</h4>{}<h4>In contact</h4>{}",
-        chart("kilobytes a second from each robot", [SINCE, "kB/s"], &lines),
-        bars("when each robot was in contact", &rows, traffic.last_s())
+        over_time("received from each robot", "kB/s", robots.iter().enumerate().map(rates).collect()),
+        over_time("contact with each robot", "robot", robots.iter().enumerate().map(contacts).collect())
     )
 }
 
@@ -272,15 +290,16 @@ mod tests {
         }
         assert!(!page.contains("<section id=\"refused\">"), "nothing was refused");
         assert!(page.contains("</i>a_one</span>") && page.contains("</i>b_one</span>"));
-        assert_eq!(page.matches("class=\"join\"").count(), 1, "one that holds is drawn");
+        assert!(page.contains("</i>joins that hold (1)</span>"));
         assert!(page.contains("refuted by the optimisation"));
         assert!(page.contains("&lt;script&gt;") && !page.contains("<script"));
-        assert!(!page.contains("http") && !page.contains("url(") && !page.contains("NaN"));
+        let names = "http://www.w3.org/2000/svg";
+        assert!(!page.replace(names, "").contains("http") && !page.contains("url(") && !page.contains("NaN"));
         // Every robot has a colour of its own.
         for words in ["right, m", "forward, m", "kB/s", "since the base started, s", "while in contact"] {
             assert!(page.contains(words), "{words}");
         }
-        assert!(page.contains(colour(0)) && page.contains(colour(1)) && colour(0) != colour(1));
+        assert!(page.contains("background:rgb(0,114,178)") && page.contains("background:rgb(213,94,0)"));
     }
 
     #[test]

@@ -3,7 +3,6 @@
 pub mod answer;
 pub mod joint;
 mod past;
-pub(crate) mod picture;
 mod received;
 pub(crate) mod scene;
 pub mod summary;

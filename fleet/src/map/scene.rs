@@ -2,12 +2,11 @@
 
 use crate::copies::arrivals::{Arrival, DISK};
 use crate::error::FleetError;
-use crate::map::picture::rgb;
 use crate::map::summary::JoinSummary;
 use std::path::Path;
 use tessera_geometry::Pose;
 use tessera_outputs::{MapPoint, Replay, write_file};
-use tessera_report::{JointComponent, JointFrame, SceneRobot, joint_scene};
+use tessera_report::{CYCLE, JointComponent, JointFrame, SceneRobot, joint_scene};
 
 /// Its name.
 pub const SCENE_FILE: &str = "scene.html";
@@ -15,6 +14,10 @@ pub const SCENE_FILE: &str = "scene.html";
 pub(crate) const MOST_POINTS: usize = 60_000;
 /// Frames of a run in it: more cannot be seen.
 const MOST_FRAMES: usize = 4000;
+
+/// Colours of robots on a dark ground, in the order of those of the plots.
+const BRIGHT: [[u8; 3]; CYCLE.len()] =
+    [[86, 156, 255], [255, 120, 50], [60, 200, 150], [230, 140, 190], [240, 180, 40], [150, 215, 255]];
 
 /// The robot of a run; of runs that were added from disk each stands for itself.
 fn name_of(arrival: &Arrival) -> &str {
@@ -90,7 +93,11 @@ impl JointScene {
                 component.joins_m.push([at, with]);
             }
         }
-        let robots = self.robots.into_iter().enumerate().map(|(at, name)| SceneRobot { name, rgb: rgb(at) });
+        let robots = self
+            .robots
+            .into_iter()
+            .enumerate()
+            .map(|(at, name)| SceneRobot { name, rgb: BRIGHT[at % BRIGHT.len()] });
         let scene = joint_scene(&self.components, robots.collect(), self.voxel_m);
         write_file(&folder.join(SCENE_FILE), |writer| writer.write_all(scene.html().as_bytes()))?;
         Ok(())

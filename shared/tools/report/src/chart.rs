@@ -10,7 +10,7 @@ use tessera_outputs::html::escaped;
 /// Colours that stay apart in print and for the colour-blind (Okabe and Ito).
 pub(crate) const BLUE: RGBColor = RGBColor(0, 114, 178);
 /// As [`BLUE`].
-pub(crate) const VERMILION: RGBColor = RGBColor(213, 94, 0);
+pub const VERMILION: RGBColor = RGBColor(213, 94, 0);
 /// As [`BLUE`].
 pub(crate) const GREEN: RGBColor = RGBColor(0, 158, 115);
 /// As [`BLUE`].
@@ -22,7 +22,7 @@ pub(crate) const SKY: RGBColor = RGBColor(86, 180, 233);
 /// For what stands behind.
 pub(crate) const GREY: RGBColor = RGBColor(150, 150, 150);
 /// For stages and runs, one after the other.
-pub(crate) const CYCLE: [RGBColor; 6] = [BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY];
+pub const CYCLE: [RGBColor; 6] = [BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY];
 
 /// The SVG library rounds to whole units: plots are drawn this much larger than they are shown.
 const FINE: u32 = 5;
@@ -30,19 +30,22 @@ const FINE: u32 = 5;
 const MOST_POINTS: usize = 1500;
 
 /// A line through points, or dots at them.
-pub(crate) struct Series {
+pub struct Series {
     /// What the legend says; empty: nothing.
-    pub(crate) name: String,
-    pub(crate) colour: RGBColor,
-    pub(crate) points: Vec<(f64, f64)>,
+    pub name: String,
+    /// Of line or dots.
+    pub colour: RGBColor,
+    /// In the order in which they are joined; what is not finite is left out.
+    pub points: Vec<(f64, f64)>,
     /// Width of the line or radius of the dots, pixels.
-    pub(crate) size: f64,
-    pub(crate) form: ChartForm,
+    pub size: f64,
+    /// How they are drawn.
+    pub form: ChartForm,
 }
 
 /// How points are drawn.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum ChartForm {
+pub enum ChartForm {
     /// Joined.
     Line,
     /// Apart.
@@ -58,20 +61,24 @@ type DrawnAxes = (Range<f64>, Range<f64>, Range<i32>, Range<i32>);
 const BAND_OPACITY: f64 = 0.25;
 
 /// A span of x to be noticed.
-pub(crate) struct Band {
-    pub(crate) x: Range<f64>,
-    pub(crate) colour: RGBColor,
+pub struct Band {
+    /// From, to.
+    pub x: Range<f64>,
+    /// Seen through.
+    pub colour: RGBColor,
 }
 
 /// A letter at a point.
-pub(crate) struct ChartMark {
-    pub(crate) at: (f64, f64),
-    pub(crate) letter: String,
+pub struct ChartMark {
+    /// Where.
+    pub at: (f64, f64),
+    /// Which.
+    pub letter: String,
 }
 
 /// What of a plot follows the frame that the view in 3D is at.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) enum ChartFollow {
+pub enum ChartFollow {
     /// Nothing.
     #[default]
     Nothing,
@@ -83,29 +90,37 @@ pub(crate) enum ChartFollow {
 
 /// A plot.
 #[derive(Default)]
-pub(crate) struct Chart {
+pub struct Chart {
     /// What it shows, for those who hear it and for messages.
-    pub(crate) what: String,
-    pub(crate) x_label: String,
-    pub(crate) y_label: String,
-    pub(crate) bands: Vec<Band>,
+    pub what: String,
+    /// What x is, and its unit.
+    pub x_label: String,
+    /// What y is, and its unit.
+    pub y_label: String,
+    /// Spans of x to be noticed.
+    pub bands: Vec<Band>,
     /// Later ones lie on top.
-    pub(crate) series: Vec<Series>,
-    pub(crate) marks: Vec<ChartMark>,
+    pub series: Vec<Series>,
+    /// Letters at points.
+    pub marks: Vec<ChartMark>,
     /// One metre is as long along x as along y.
-    pub(crate) is_map: bool,
+    pub is_map: bool,
     /// x or y are decimal logarithms and labelled by what they stand for.
-    pub(crate) log: [bool; 2],
+    pub log: [bool; 2],
     /// y begins at 0.
-    pub(crate) from_zero: bool,
+    pub from_zero: bool,
     /// Further lines of the legend, for bands.
-    pub(crate) also: Vec<(String, RGBColor)>,
-    pub(crate) follow: ChartFollow,
+    pub also: Vec<(String, RGBColor)>,
+    /// What of it follows the frame that the view in 3D is at.
+    pub follow: ChartFollow,
 }
 
 impl Chart {
     /// The plot with its legend.
-    pub(crate) fn html(&self) -> Result<String, ReportError> {
+    ///
+    /// # Errors
+    /// What the drawing library refuses.
+    pub fn html(&self) -> Result<String, ReportError> {
         let wide = self.svg(760, if self.is_map { 440 } else { 270 }, 13)?;
         let narrow = self.svg(370, if self.is_map { 340 } else { 240 }, 12)?;
         let what = escaped(&self.what);

@@ -21,6 +21,7 @@ mod tracks;
 mod work;
 mod worst;
 
+pub use chart::{CYCLE, Chart, ChartForm, Series, VERMILION};
 pub use exposition::{Exposition, METRICS_PATH, loopback_address};
 pub use http::{Answer, answer};
 pub use joint_scene::{JointComponent, JointFrame, joint_scene};
