@@ -10,6 +10,10 @@ use tessera_features::{Feature, Observation, PointEstimate};
 use tessera_geometry::Twist;
 use tessera_surface::{SurfaceView, Vertex};
 
+/// Cells from a vertex at a border to what may end there: behind an edge a structured light leaves a shadow of one to
+/// two cells.
+const AROUND_CELLS: usize = 2;
+
 /// A point moved by `exp(velocity seconds)`, as the series up to the second order.
 #[inline(always)]
 fn moved(p: &Vector3<f64>, velocity: &Twist, seconds: f64) -> Vector3<f64> {
@@ -138,7 +142,8 @@ impl Lifter<'_> {
         self.context.colour.pixel_of_depth(&self.context.camera, row, column)
     }
 
-    /// The vertex of the cell of a pixel of the depth image, and its row.
+    /// The vertex of the cell of a pixel of the depth image, and its row: one inside the surface, or at a border where
+    /// depth is missing and no surface ends.
     #[inline(always)]
     fn vertex_at(&self, row: f64, column: f64) -> Option<(Vertex, usize)> {
         let grid = self.context.grid;
@@ -148,6 +153,24 @@ impl Lifter<'_> {
         };
         let (row, column) = (cell(row, grid.height)?, cell(column, grid.width)?);
         let vertex = self.surface.vertices.get(row * grid.width + column)?;
-        vertex.is_inner().then_some((*vertex, row))
+        let is_of_surface = vertex.is_inner() || vertex.is_valid() && self.goes_on(vertex, row, column);
+        is_of_surface.then_some((*vertex, row))
+    }
+
+    /// Whether all that was measured around a vertex is on its tangent plane, within three standard deviations of both
+    /// depths. A silhouette moves along its object with the view, and is no point.
+    fn goes_on(&self, vertex: &Vertex, row: usize, column: usize) -> bool {
+        let grid = self.context.grid;
+        let variance_m2 = |v: &Vertex| f64::from(self.context.noise.sigma_m(v.position[2])).powi(2);
+        let (position, normal, own_m2) =
+            (vector(vertex.position), vector(vertex.normal), variance_m2(vertex));
+        let span = |at: usize, n: usize| at.saturating_sub(AROUND_CELLS)..(at + AROUND_CELLS + 1).min(n);
+        span(row, grid.height).all(|r| {
+            let around = &self.surface.vertices[r * grid.width..][span(column, grid.width)];
+            around.iter().filter(|other| other.is_valid()).all(|other| {
+                let off_m = normal.dot(&(vector(other.position) - position));
+                off_m * off_m <= 9.0 * (own_m2 + variance_m2(other))
+            })
+        })
     }
 }
