@@ -174,3 +174,42 @@ impl Lifter<'_> {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::map::test_wall::context;
+
+    /// Depth at which a feature is seen on the border of a wall 2 m away: two columns beside it nothing is measured,
+    /// and from there on a depth or nothing.
+    fn depth_beside(beyond_m: Option<f32>) -> Option<f64> {
+        let context = context();
+        let (grid, camera) = (context.grid, &context.camera);
+        let at = [grid.height / 2, grid.width / 2];
+        let vertex = |cell: usize| {
+            let (row, column) = (cell / grid.width, cell % grid.width);
+            let depth_m = if column <= at[1] { Some(2.0) } else { beyond_m.filter(|_| column > at[1] + 1) };
+            let Some(depth_m) = depth_m else { return Vertex::default() };
+            let pixel = [row, column].map(|k| (k * grid.step) as f64 + context.offset_px);
+            let ray = camera.ray(pixel[0], pixel[1]).map(|v| v as f32 * depth_m);
+            let border = if column == at[1] { Vertex::BOUNDARY } else { 0 };
+            let flags_rgb = Vertex::pack(Vertex::VALID | border, 0, [0; 3]);
+            Vertex { position: ray.into(), normal: [0.0, 0.0, -1.0], flags_rgb, reserved: 0 }
+        };
+        let vertices: Vec<Vertex> = (0..grid.len()).map(vertex).collect();
+        let pixel = at.map(|k| (k * grid.step) as f32 + context.offset_px as f32);
+        let feature = Feature { pixel, sigma_px: 1.0, ..Feature::default() };
+        let surface = SurfaceView { grid, vertices: &vertices };
+        let seen = lift(&context, &[feature], &surface, &Twist::default());
+        seen[0].point.map(|point| point.position_m.z)
+    }
+
+    #[test]
+    fn a_border_has_depth_where_depth_is_missing_and_none_where_a_surface_ends() {
+        let near = |depth: Option<f64>| depth.is_some_and(|z| (z - 2.0).abs() < 1e-3);
+        assert!(near(depth_beside(None)), "nothing is measured beyond");
+        assert!(near(depth_beside(Some(2.0))), "the wall goes on beyond a gap");
+        assert_eq!(depth_beside(Some(2.5)), None, "the wall is the edge of something");
+        assert_eq!(depth_beside(Some(1.5)), None, "something is before the wall");
+    }
+}
