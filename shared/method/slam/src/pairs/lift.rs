@@ -10,10 +10,6 @@ use tessera_features::{Feature, Observation, PointEstimate};
 use tessera_geometry::Twist;
 use tessera_surface::{SurfaceView, Vertex};
 
-/// Cells from a vertex at a border to what may end there: behind an edge a structured light leaves a shadow of one to
-/// two cells.
-const AROUND_CELLS: usize = 2;
-
 /// A point moved by `exp(velocity seconds)`, as the series up to the second order.
 #[inline(always)]
 fn moved(p: &Vector3<f64>, velocity: &Twist, seconds: f64) -> Vector3<f64> {
@@ -85,10 +81,11 @@ impl Lifter<'_> {
         let origin = moved(&Vector3::zeros(), self.velocity, seconds);
         let focal_px = camera.focal_px() * self.context.colour.focal_ratio;
         let ray_sigma = f64::from(feature.sigma_px) / focal_px;
-        let beside = self.vertex_at(depth_row, depth_column);
+        let n_around = (3.0 * feature.sigma_px / self.context.grid.step as f32).ceil() as usize;
+        let beside = self.vertex_at(depth_row, depth_column, n_around);
         // A match, not a closure: that would be compiled apart, for the oldest processors.
         let depth = match beside {
-            Some((vertex, _)) => self.meet(&origin, &direction, vertex.position[2]),
+            Some((vertex, _)) => self.meet(&origin, &direction, vertex.position[2], n_around),
             None => None,
         };
         let ray = [direction.x, direction.y];
@@ -110,8 +107,9 @@ impl Lifter<'_> {
         origin: &Vector3<f64>,
         direction: &Vector3<f64>,
         about_m: f32,
+        n_around: usize,
     ) -> Option<(Vector3<f64>, f64)> {
-        let (vertex, grid_row) = self.vertex(&(origin + direction * f64::from(about_m)))?;
+        let (vertex, grid_row) = self.vertex(&(origin + direction * f64::from(about_m)), n_around)?;
         let camera = &self.context.camera;
         let row = (grid_row * self.context.grid.step) as f64 + self.context.offset_px;
         let seconds = camera.row_time_s(row);
@@ -126,14 +124,14 @@ impl Lifter<'_> {
 
     /// The vertex of the cell in which a point of the frame at its stamp is seen, and its row.
     #[inline(always)]
-    fn vertex(&self, point: &Vector3<f64>) -> Option<(Vertex, usize)> {
+    fn vertex(&self, point: &Vector3<f64>, n_around: usize) -> Option<(Vertex, usize)> {
         let camera = &self.context.camera;
         let (mut row, mut column) = camera.project(point)?;
         if camera.readout_s != 0.0 {
             let seconds = -camera.row_time_s(row.clamp(0.0, f64::from(camera.height)));
             (row, column) = camera.project(&turned(point, self.velocity, seconds))?;
         }
-        self.vertex_at(row, column)
+        self.vertex_at(row, column, n_around)
     }
 
     #[inline(always)]
@@ -145,7 +143,7 @@ impl Lifter<'_> {
     /// The vertex of the cell of a pixel of the depth image, and its row: one inside the surface, or at a border where
     /// depth is missing and no surface ends.
     #[inline(always)]
-    fn vertex_at(&self, row: f64, column: f64) -> Option<(Vertex, usize)> {
+    fn vertex_at(&self, row: f64, column: f64, n_around: usize) -> Option<(Vertex, usize)> {
         let grid = self.context.grid;
         let cell = |pixel: f64, n: usize| {
             let place = ((pixel - self.context.offset_px) / grid.step as f64 + 0.5).floor();
@@ -153,18 +151,19 @@ impl Lifter<'_> {
         };
         let (row, column) = (cell(row, grid.height)?, cell(column, grid.width)?);
         let vertex = self.surface.vertices.get(row * grid.width + column)?;
-        let is_of_surface = vertex.is_inner() || vertex.is_valid() && self.goes_on(vertex, row, column);
+        let is_of_surface =
+            vertex.is_inner() || vertex.is_valid() && self.goes_on(vertex, [row, column], n_around);
         is_of_surface.then_some((*vertex, row))
     }
 
-    /// Whether all that was measured around a vertex is on its tangent plane, within three standard deviations of both
-    /// depths. A silhouette moves along its object with the view, and is no point.
-    fn goes_on(&self, vertex: &Vertex, row: usize, column: usize) -> bool {
+    /// Whether all that was measured up to `n_around` cells from a vertex is on its tangent plane, within three standard
+    /// deviations of both depths. A silhouette moves along its object with the view, and is no point.
+    fn goes_on(&self, vertex: &Vertex, [row, column]: [usize; 2], n_around: usize) -> bool {
         let grid = self.context.grid;
         let variance_m2 = |v: &Vertex| f64::from(self.context.noise.sigma_m(v.position[2])).powi(2);
         let (position, normal, own_m2) =
             (vector(vertex.position), vector(vertex.normal), variance_m2(vertex));
-        let span = |at: usize, n: usize| at.saturating_sub(AROUND_CELLS)..(at + AROUND_CELLS + 1).min(n);
+        let span = |at: usize, n: usize| at.saturating_sub(n_around)..(at + n_around + 1).min(n);
         span(row, grid.height).all(|r| {
             let around = &self.surface.vertices[r * grid.width..][span(column, grid.width)];
             around.iter().filter(|other| other.is_valid()).all(|other| {
@@ -198,7 +197,7 @@ mod tests {
         };
         let vertices: Vec<Vertex> = (0..grid.len()).map(vertex).collect();
         let pixel = at.map(|k| (k * grid.step) as f32 + context.offset_px as f32);
-        let feature = Feature { pixel, sigma_px: 1.0, ..Feature::default() };
+        let feature = Feature { pixel, sigma_px: 2.0, ..Feature::default() };
         let surface = SurfaceView { grid, vertices: &vertices };
         let seen = lift(&context, &[feature], &surface, &Twist::default());
         seen[0].point.map(|point| point.position_m.z)
