@@ -40,7 +40,7 @@ fn pushed(settings: &Settings, source: &dyn Source) -> Run {
 }
 
 /// Settings under which a short walk has loops and corrections before its end.
-const EARLY_LOOPS: [&str; 12] = [
+const EARLY_LOOPS: [&str; 10] = [
     "--set",
     "mapping.keyframe.translation_m=0.02",
     "--set",
@@ -51,9 +51,6 @@ const EARLY_LOOPS: [&str; 12] = [
     "experiment.mapping.loop.request_interval=3",
     "--set",
     "experiment.mapping.loop.delay_frames=5",
-    // With so few pixels the evidence against the map comes near its bound; what is compared is one map.
-    "--set",
-    "mapping.submaps.after_s=0",
 ];
 
 /// The aligner's records so far, surfaces' places left out.

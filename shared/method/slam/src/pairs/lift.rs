@@ -81,11 +81,10 @@ impl Lifter<'_> {
         let origin = moved(&Vector3::zeros(), self.velocity, seconds);
         let focal_px = camera.focal_px() * self.context.colour.focal_ratio;
         let ray_sigma = f64::from(feature.sigma_px) / focal_px;
-        let n_around = (3.0 * feature.sigma_px / self.context.grid.step as f32).ceil() as usize;
-        let beside = self.vertex_at(depth_row, depth_column, n_around);
+        let beside = self.vertex_at(depth_row, depth_column);
         // A match, not a closure: that would be compiled apart, for the oldest processors.
         let depth = match beside {
-            Some((vertex, _)) => self.meet(&origin, &direction, vertex.position[2], n_around),
+            Some((vertex, _)) => self.meet(&origin, &direction, vertex.position[2]),
             None => None,
         };
         let ray = [direction.x, direction.y];
@@ -107,9 +106,8 @@ impl Lifter<'_> {
         origin: &Vector3<f64>,
         direction: &Vector3<f64>,
         about_m: f32,
-        n_around: usize,
     ) -> Option<(Vector3<f64>, f64)> {
-        let (vertex, grid_row) = self.vertex(&(origin + direction * f64::from(about_m)), n_around)?;
+        let (vertex, grid_row) = self.vertex(&(origin + direction * f64::from(about_m)))?;
         let camera = &self.context.camera;
         let row = (grid_row * self.context.grid.step) as f64 + self.context.offset_px;
         let seconds = camera.row_time_s(row);
@@ -124,14 +122,14 @@ impl Lifter<'_> {
 
     /// The vertex of the cell in which a point of the frame at its stamp is seen, and its row.
     #[inline(always)]
-    fn vertex(&self, point: &Vector3<f64>, n_around: usize) -> Option<(Vertex, usize)> {
+    fn vertex(&self, point: &Vector3<f64>) -> Option<(Vertex, usize)> {
         let camera = &self.context.camera;
         let (mut row, mut column) = camera.project(point)?;
         if camera.readout_s != 0.0 {
             let seconds = -camera.row_time_s(row.clamp(0.0, f64::from(camera.height)));
             (row, column) = camera.project(&turned(point, self.velocity, seconds))?;
         }
-        self.vertex_at(row, column, n_around)
+        self.vertex_at(row, column)
     }
 
     #[inline(always)]
@@ -140,10 +138,9 @@ impl Lifter<'_> {
         self.context.colour.pixel_of_depth(&self.context.camera, row, column)
     }
 
-    /// The vertex of the cell of a pixel of the depth image, and its row: one inside the surface, or at a border where
-    /// depth is missing and no surface ends.
+    /// The vertex of the cell of a pixel of the depth image, and its row.
     #[inline(always)]
-    fn vertex_at(&self, row: f64, column: f64, n_around: usize) -> Option<(Vertex, usize)> {
+    fn vertex_at(&self, row: f64, column: f64) -> Option<(Vertex, usize)> {
         let grid = self.context.grid;
         let cell = |pixel: f64, n: usize| {
             let place = ((pixel - self.context.offset_px) / grid.step as f64 + 0.5).floor();
@@ -151,64 +148,6 @@ impl Lifter<'_> {
         };
         let (row, column) = (cell(row, grid.height)?, cell(column, grid.width)?);
         let vertex = self.surface.vertices.get(row * grid.width + column)?;
-        let is_of_surface =
-            vertex.is_inner() || vertex.is_valid() && self.goes_on(vertex, [row, column], n_around);
-        is_of_surface.then_some((*vertex, row))
-    }
-
-    /// Whether all that was measured up to `n_around` cells from a vertex is on its tangent plane, within three standard
-    /// deviations of both depths. A silhouette moves along its object with the view, and is no point.
-    fn goes_on(&self, vertex: &Vertex, [row, column]: [usize; 2], n_around: usize) -> bool {
-        let grid = self.context.grid;
-        let variance_m2 = |v: &Vertex| f64::from(self.context.noise.sigma_m(v.position[2])).powi(2);
-        let (position, normal, own_m2) =
-            (vector(vertex.position), vector(vertex.normal), variance_m2(vertex));
-        let span = |at: usize, n: usize| at.saturating_sub(n_around)..(at + n_around + 1).min(n);
-        span(row, grid.height).all(|r| {
-            let around = &self.surface.vertices[r * grid.width..][span(column, grid.width)];
-            around.iter().filter(|other| other.is_valid()).all(|other| {
-                let off_m = normal.dot(&(vector(other.position) - position));
-                off_m * off_m <= 9.0 * (own_m2 + variance_m2(other))
-            })
-        })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::map::test_wall::context;
-
-    /// Depth at which a feature is seen on the border of a wall 2 m away: two columns beside it nothing is measured,
-    /// and from there on a depth or nothing.
-    fn depth_beside(beyond_m: Option<f32>) -> Option<f64> {
-        let context = context();
-        let (grid, camera) = (context.grid, &context.camera);
-        let at = [grid.height / 2, grid.width / 2];
-        let vertex = |cell: usize| {
-            let (row, column) = (cell / grid.width, cell % grid.width);
-            let depth_m = if column <= at[1] { Some(2.0) } else { beyond_m.filter(|_| column > at[1] + 1) };
-            let Some(depth_m) = depth_m else { return Vertex::default() };
-            let pixel = [row, column].map(|k| (k * grid.step) as f64 + context.offset_px);
-            let ray = camera.ray(pixel[0], pixel[1]).map(|v| v as f32 * depth_m);
-            let border = if column == at[1] { Vertex::BOUNDARY } else { 0 };
-            let flags_rgb = Vertex::pack(Vertex::VALID | border, 0, [0; 3]);
-            Vertex { position: ray.into(), normal: [0.0, 0.0, -1.0], flags_rgb, reserved: 0 }
-        };
-        let vertices: Vec<Vertex> = (0..grid.len()).map(vertex).collect();
-        let pixel = at.map(|k| (k * grid.step) as f32 + context.offset_px as f32);
-        let feature = Feature { pixel, sigma_px: 2.0, ..Feature::default() };
-        let surface = SurfaceView { grid, vertices: &vertices };
-        let seen = lift(&context, &[feature], &surface, &Twist::default());
-        seen[0].point.map(|point| point.position_m.z)
-    }
-
-    #[test]
-    fn a_border_has_depth_where_depth_is_missing_and_none_where_a_surface_ends() {
-        let near = |depth: Option<f64>| depth.is_some_and(|z| (z - 2.0).abs() < 1e-3);
-        assert!(near(depth_beside(None)), "nothing is measured beyond");
-        assert!(near(depth_beside(Some(2.0))), "the wall goes on beyond a gap");
-        assert_eq!(depth_beside(Some(2.5)), None, "the wall is the edge of something");
-        assert_eq!(depth_beside(Some(1.5)), None, "something is before the wall");
+        vertex.is_inner().then_some((*vertex, row))
     }
 }
