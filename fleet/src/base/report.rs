@@ -8,7 +8,7 @@ use crate::map::summary::{JoinVerdict, JointSummary};
 use std::path::Path;
 use tessera_evaluation::read_tum;
 use tessera_outputs::html::{self, escaped};
-use tessera_report::{CYCLE, Chart, ChartForm, Series, VERMILION, whole_page};
+use tessera_report::{CYCLE, Chart, ChartForm, GREY, Series, whole_page};
 
 /// Its name.
 pub const REPORT_FILE: &str = "report.html";
@@ -122,7 +122,10 @@ fn maps(map: &JointSummary, robots: &[&str], ways: &[RunWay]) -> String {
         let points: Vec<(f64, f64)> = joins.flatten().collect();
         if !points.is_empty() {
             let name = format!("joins that hold ({})", points.len() / 2);
-            series.push(Series { name, colour: VERMILION, points, size: 3.0, form: ChartForm::Segments });
+            let of_joins = |name, points, size, form| Series { name, colour: GREY, points, size, form };
+            // Both ends: a join is short beside a way.
+            series.push(of_joins(String::new(), points.clone(), 2.0, ChartForm::Segments));
+            series.push(of_joins(name, points, 4.0, ChartForm::Dots));
         }
         let what = format!("{}: {} keyframes", component.map, component.keyframes);
         let heading = format!("<h4>{}</h4>", escaped(&what));
@@ -136,7 +139,7 @@ fn maps(map: &JointSummary, robots: &[&str], ways: &[RunWay]) -> String {
 /// What is known of the robot that came as number `place`, in its colour.
 fn of_robot(place: usize, name: &str, points: Vec<(f64, f64)>, form: ChartForm) -> Series {
     let size = if form == ChartForm::Segments { 8.0 } else { 1.6 };
-    let colour = CYCLE.iter().cycle().nth(place).copied().unwrap_or(VERMILION);
+    let colour = CYCLE.iter().cycle().nth(place).copied().unwrap_or(GREY);
     Series { name: name.to_owned(), colour, points, size, form }
 }
 
@@ -187,7 +190,8 @@ fn traffic_section(robots: &[&str], traffic: &Traffic) -> String {
     };
     let contacts = |(place, robot): (usize, &&str)| {
         let at = |(from, to): (f64, f64)| [from, to].map(|at_s| (at_s, place as f64 + 1.0));
-        of_robot(place, robot, traffic.spans(robot).into_iter().flat_map(at).collect(), ChartForm::Segments)
+        let spans = traffic.spans(robot).into_iter().flat_map(at).collect();
+        of_robot(place, &format!("{}: {robot}", place.saturating_add(1)), spans, ChartForm::Segments)
     };
     let over_time = |what: &str, y_label: &str, series: Vec<Series>| {
         let (what, x_label, y_label) = (what.into(), SINCE.into(), y_label.into());

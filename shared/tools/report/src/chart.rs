@@ -7,23 +7,6 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::ops::Range;
 use tessera_outputs::html::escaped;
 
-/// Colours that stay apart in print and for the colour-blind (Okabe and Ito).
-pub(crate) const BLUE: RGBColor = RGBColor(0, 114, 178);
-/// As [`BLUE`].
-pub const VERMILION: RGBColor = RGBColor(213, 94, 0);
-/// As [`BLUE`].
-pub(crate) const GREEN: RGBColor = RGBColor(0, 158, 115);
-/// As [`BLUE`].
-pub(crate) const PURPLE: RGBColor = RGBColor(190, 100, 150);
-/// As [`BLUE`].
-pub(crate) const ORANGE: RGBColor = RGBColor(230, 159, 0);
-/// As [`BLUE`].
-pub(crate) const SKY: RGBColor = RGBColor(86, 180, 233);
-/// For what stands behind.
-pub(crate) const GREY: RGBColor = RGBColor(150, 150, 150);
-/// For stages and runs, one after the other.
-pub const CYCLE: [RGBColor; 6] = [BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY];
-
 /// The SVG library rounds to whole units: plots are drawn this much larger than they are shown.
 const FINE: u32 = 5;
 /// Most points of a line: more cannot be seen.
@@ -326,6 +309,7 @@ fn thinned(points: &[(f64, f64)], form: ChartForm) -> Vec<(f64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::palette::BLUE;
 
     fn chart() -> Chart {
         Chart {

@@ -1,7 +1,8 @@
 //! Several runs side by side.
 
 use crate::ReportError;
-use crate::chart::{CYCLE, Chart, ChartForm, Series};
+use crate::chart::{Chart, ChartForm, Series};
+use crate::palette::CYCLE;
 use crate::run::ReportedRun;
 use std::collections::BTreeSet;
 use tessera_outputs::html::table;

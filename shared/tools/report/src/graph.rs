@@ -1,7 +1,8 @@
 //! Keyframes, what they were aligned to, and the loops among them with their verdicts.
 
 use crate::ReportError;
-use crate::chart::{BLUE, Chart, ChartForm, GREEN, GREY, ORANGE, PURPLE, SKY, Series, VERMILION};
+use crate::chart::{Chart, ChartForm, Series};
+use crate::palette::{BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION};
 use crate::run::{Keyframe, LoopPair, ReportedRun, ReportedVerdict};
 use std::collections::BTreeSet;
 use tessera_outputs::html::table;

@@ -11,6 +11,7 @@ mod graph;
 mod http;
 mod joint_scene;
 mod page;
+mod palette;
 mod picture;
 mod run;
 mod run_directory;
@@ -21,11 +22,12 @@ mod tracks;
 mod work;
 mod worst;
 
-pub use chart::{CYCLE, Chart, ChartForm, Series, VERMILION};
+pub use chart::{Chart, ChartForm, Series};
 pub use exposition::{Exposition, METRICS_PATH, loopback_address};
 pub use http::{Answer, answer};
 pub use joint_scene::{JointComponent, JointFrame, joint_scene};
 pub use page::{page, whole_page};
+pub use palette::{CYCLE, GREY};
 pub use picture::{ReportPicture, ThumbnailError, depth_picture, photograph};
 pub use run::{
     Event, Frame, FrameState, Keyframe, LoopPair, ReportedRun, ReportedVerdict, Setting, StageFigures,

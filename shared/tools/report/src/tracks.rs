@@ -1,9 +1,8 @@
 //! Trajectory of the camera, and its error.
 
 use crate::ReportError;
-use crate::chart::{
-    BLUE, Band, Chart, ChartFollow, ChartForm, ChartMark, GREY, ORANGE, SKY, Series, VERMILION,
-};
+use crate::chart::{Band, Chart, ChartFollow, ChartForm, ChartMark, Series};
+use crate::palette::{BLUE, GREY, ORANGE, SKY, VERMILION};
 use crate::run::{Frame, FrameState, ReportedRun};
 use crate::worst::letter;
 

@@ -1,7 +1,8 @@
 //! Work of the processes: latency, restarts, drops, memory.
 
 use crate::ReportError;
-use crate::chart::{Band, CYCLE, Chart, ChartForm, GREY, Series, VERMILION};
+use crate::chart::{Band, Chart, ChartForm, Series};
+use crate::palette::{CYCLE, GREY, VERMILION};
 use crate::run::ReportedRun;
 use tessera_outputs::Point;
 use tessera_outputs::html::{escaped, table};
