@@ -49,7 +49,6 @@ mod tests {
             target_from_query: Pose::translation(x_m, 0.0, 0.0),
             inliers: Vec::new(),
             variance_factor: 1.0,
-            border_factor: 1.0,
             sums,
         }
     }

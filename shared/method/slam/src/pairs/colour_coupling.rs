@@ -13,9 +13,7 @@ pub(crate) fn coupling(pair: &FeaturePair, velocities: [&Twist; 2], model: &Colo
     let FeaturePair { target_from_query, inliers, .. } = pair;
     let rotation = target_from_query.rotation.to_rotation_matrix().into_inner();
     let at = PairMotion::from(target_from_query);
-    for residual in inliers.iter().filter_map(|c| {
-        RobustResidual::of(c, &at, if c.has_border() { pair.border_factor } else { pair.variance_factor })
-    }) {
+    for residual in inliers.iter().filter_map(|c| RobustResidual::of(c, &at, pair.variance_factor)) {
         let [query, target] = velocities;
         let slope = moves(&residual.b, target, model) - rotation * moves(&residual.a, query, model);
         let weighted = residual.omega * slope;

@@ -102,13 +102,7 @@ mod tests {
     fn found(n: u32) -> Option<Arc<FeaturePair>> {
         let sums = BlockSums { n, ..BlockSums::default() };
         let target_from_query = Pose::identity();
-        Some(Arc::new(FeaturePair {
-            target_from_query,
-            inliers: Vec::new(),
-            variance_factor: 1.0,
-            border_factor: 1.0,
-            sums,
-        }))
+        Some(Arc::new(FeaturePair { target_from_query, inliers: Vec::new(), variance_factor: 1.0, sums }))
     }
 
     #[test]

@@ -88,27 +88,25 @@ impl Lifter<'_> {
             None => None,
         };
         let ray = [direction.x, direction.y];
-        let Some((position_m, slope, is_inner)) = depth else {
-            return Observation { ray, ray_sigma, point: None };
-        };
+        let Some((position_m, slope)) = depth else { return Observation { ray, ray_sigma, point: None } };
         // Seen from the depth camera's own centre, which the ray misses by the motion during the lag.
         let ray = [position_m.x / position_m.z, position_m.y / position_m.z];
         let noise_m = f64::from(self.context.noise.sigma_m(position_m.z as f32));
         let of_slope_m = slope * ray_sigma * position_m.z;
         let depth_sigma_m = (noise_m * noise_m + of_slope_m * of_slope_m).sqrt();
         let point = PointEstimate::on_ray(ray, ray_sigma, position_m.z, depth_sigma_m);
-        Observation { ray, ray_sigma, point: Some(PointEstimate { is_inner, ..point }) }
+        Observation { ray, ray_sigma, point: Some(point) }
     }
 
-    /// Where a ray meets the surface, the tangent of the angle at which it does, and whether inside it; `about_m` is
-    /// about the depth there.
+    /// Where a ray meets the surface, and the tangent of the angle at which it does; `about_m` is about
+    /// the depth there.
     #[inline(always)]
     fn meet(
         &self,
         origin: &Vector3<f64>,
         direction: &Vector3<f64>,
         about_m: f32,
-    ) -> Option<(Vector3<f64>, f64, bool)> {
+    ) -> Option<(Vector3<f64>, f64)> {
         let (vertex, grid_row) = self.vertex(&(origin + direction * f64::from(about_m)))?;
         let camera = &self.context.camera;
         let row = (grid_row * self.context.grid.step) as f64 + self.context.offset_px;
@@ -119,8 +117,7 @@ impl Lifter<'_> {
         let cosine = along.abs() / (direction.norm() * normal.norm());
         let position = origin + direction * (normal.dot(&(on_surface - origin)) / along);
         // A ray along the surface meets it nowhere.
-        let slope = ((1.0 - cosine * cosine).max(0.0)).sqrt() / cosine;
-        (position.z > 0.0).then(|| (position, slope, vertex.is_inner()))
+        (position.z > 0.0).then(|| (position, ((1.0 - cosine * cosine).max(0.0)).sqrt() / cosine))
     }
 
     /// The vertex of the cell in which a point of the frame at its stamp is seen, and its row.
@@ -141,8 +138,7 @@ impl Lifter<'_> {
         self.context.colour.pixel_of_depth(&self.context.camera, row, column)
     }
 
-    /// The vertex of the cell of a pixel of the depth image, and its row: inside a surface, or at a border where that
-    /// goes on beyond a gap.
+    /// The vertex of the cell of a pixel of the depth image, and its row.
     #[inline(always)]
     fn vertex_at(&self, row: f64, column: f64) -> Option<(Vertex, usize)> {
         let grid = self.context.grid;
@@ -152,71 +148,6 @@ impl Lifter<'_> {
         };
         let (row, column) = (cell(row, grid.height)?, cell(column, grid.width)?);
         let vertex = self.surface.vertices.get(row * grid.width + column)?;
-        let is_of_surface = vertex.is_inner() || vertex.is_valid() && self.goes_on(vertex, [row, column]);
-        is_of_surface.then_some((*vertex, row))
-    }
-
-    /// Whether a surface goes on beyond a vertex: the next one that was measured is on its tangent plane, within three
-    /// standard deviations of both depths, up and down its column, along its row and both diagonals. A silhouette, behind which a
-    /// structured light camera measures nothing for a while, moves along its object with the view, and is no point.
-    fn goes_on(&self, vertex: &Vertex, [row, column]: [usize; 2]) -> bool {
-        let SurfaceView { grid, vertices } = *self.surface;
-        let variance_m2 = |v: &Vertex| f64::from(self.context.noise.sigma_m(v.position[2])).powi(2);
-        let (position, normal) = (vector(vertex.position), vector(vertex.normal));
-        let is_on_plane = |other: &Vertex| {
-            let off_m = normal.dot(&(vector(other.position) - position));
-            off_m * off_m <= 9.0 * (variance_m2(vertex) + variance_m2(other))
-        };
-        let next = |[up, along]: [isize; 2]| {
-            let beside = |at: usize, by: isize, n: usize| at.checked_add_signed(by).filter(|at| *at < n);
-            let step =
-                |[r, c]: &[usize; 2]| Some([beside(*r, up, grid.height)?, beside(*c, along, grid.width)?]);
-            let cells = std::iter::successors(step(&[row, column]), step);
-            cells.map(|[r, c]| &vertices[r * grid.width + c]).find(|other| other.is_valid())
-        };
-        let directions = [[0, 1], [0, -1], [1, 0], [-1, 0], [1, 1], [1, -1], [-1, 1], [-1, -1]];
-        directions.into_iter().all(|direction| next(direction).is_some_and(is_on_plane))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::map::test_wall::context;
-
-    /// Depth at which a feature is seen on the border of a wall 2 m away: seven columns beside it nothing is measured,
-    /// and from there on a depth or nothing.
-    fn depth_beside(beyond_m: Option<f32>) -> Option<f64> {
-        let context = context();
-        let (grid, camera) = (context.grid, &context.camera);
-        let at = [grid.height / 2, grid.width / 2];
-        let vertex = |cell: usize| {
-            let (row, column) = (cell / grid.width, cell % grid.width);
-            let depth_m = if column <= at[1] { Some(2.0) } else { beyond_m.filter(|_| column > at[1] + 7) };
-            let Some(depth_m) = depth_m else { return Vertex::default() };
-            let pixel = [row, column].map(|k| (k * grid.step) as f64 + context.offset_px);
-            let ray = camera.ray(pixel[0], pixel[1]).map(|v| v as f32 * depth_m);
-            let border = if column == at[1] { Vertex::BOUNDARY } else { 0 };
-            let flags_rgb = Vertex::pack(Vertex::VALID | border, 0, [0; 3]);
-            Vertex { position: ray.into(), normal: [0.0, 0.0, -1.0], flags_rgb, reserved: 0 }
-        };
-        let vertices: Vec<Vertex> = (0..grid.len()).map(vertex).collect();
-        let pixel = at.map(|k| (k * grid.step) as f32 + context.offset_px as f32);
-        let feature = Feature { pixel, sigma_px: 2.0, ..Feature::default() };
-        let surface = SurfaceView { grid, vertices: &vertices };
-        let seen = lift(&context, &[feature], &surface, &Twist::default());
-        seen[0].point.map(|point| point.position_m.z)
-    }
-
-    #[test]
-    fn a_border_has_depth_where_its_surface_goes_on_beyond_the_gap_alone() {
-        assert!(depth_beside(Some(2.0)).is_some_and(|z| (z - 2.0).abs() < 1e-3));
-        assert_eq!(
-            depth_beside(Some(2.5)),
-            None,
-            "the wall ends before something, in whose shadow nothing is measured"
-        );
-        assert_eq!(depth_beside(Some(1.5)), None, "something is before the wall");
-        assert_eq!(depth_beside(None), None, "nothing tells where the wall ends");
+        vertex.is_inner().then_some((*vertex, row))
     }
 }

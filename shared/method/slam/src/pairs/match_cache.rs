@@ -170,13 +170,8 @@ mod tests {
         };
         let target_from_query = Pose::translation(0.03, 0.0, 0.0);
         let sums = BlockSums { n: MIN_FEATURES, ..BlockSums::default() };
-        let seen = Arc::new(FeaturePair {
-            target_from_query,
-            inliers: Vec::new(),
-            variance_factor: 1.0,
-            border_factor: 1.0,
-            sums,
-        });
+        let seen =
+            Arc::new(FeaturePair { target_from_query, inliers: Vec::new(), variance_factor: 1.0, sums });
         let found = matched(0.03, (None, 0.0));
         assert!(Arc::ptr_eq(&found, &matched(0.03, (None, 0.0))) && found.counts(false));
         let with_features = matched(0.03, (Some(seen), 1.0));

@@ -159,7 +159,6 @@ mod tests {
                         target_from_query: identity,
                         inliers: Vec::new(),
                         variance_factor: 1.0,
-                        border_factor: 1.0,
                         sums: features,
                     };
                     (surfaces, WeightedPair::new(Arc::new(found), 1.0, &identity))

@@ -24,25 +24,13 @@ const ROBUST_SQ: f64 = 9.0;
 /// another value pairs of few matches would weigh otherwise than the rest.
 const PRIOR: [f64; 2] = [57.0, 60.0];
 
-/// A pair's matches at the pose that they agree on: how the variance of those inside surfaces and of those at a border
-/// compares, and their sums.
-pub(crate) fn variance_and_sums(correspondences: &[Correspondence], at: &Pose) -> (f64, f64, BlockSums) {
+/// A pair's matches at the pose that they agree on: how their variance compares, and their sums.
+pub(crate) fn variance_and_sums(correspondences: &[Correspondence], at: &Pose) -> (f64, BlockSums) {
     let at = PairMotion::from(at);
     let residuals: Vec<Option<Residual>> = correspondences.iter().map(|c| residual(c, &at)).collect();
-    let of = |border: bool| {
-        let squared = residuals.iter().zip(correspondences).filter(|(_, c)| c.has_border() == border);
-        variance_factor(squared.map(|(r, _)| r.as_ref().map_or(f64::INFINITY, |r| r.squared(&at))).collect())
-    };
-    let (inner, border) = (of(false), of(true));
-    let mut sums = BlockSums::default();
-    for (r, c) in residuals.into_iter().zip(correspondences) {
-        let Some(r) = r else { continue };
-        let RobustResidual { a, e, omega, .. } =
-            RobustResidual::weighted(r, &at, if c.has_border() { border } else { inner });
-        sums.add(&a, &e, &omega);
-        sums.n += 1;
-    }
-    (inner, border, sums)
+    let squared = residuals.iter().map(|r| r.as_ref().map_or(f64::INFINITY, |r| r.squared(&at)));
+    let factor = variance_factor(squared.collect());
+    (factor, weighted_sums(residuals.into_iter().flatten(), &at, factor))
 }
 
 /// Sums of all correspondences about `target_from_query`, metric, with robust weights there; `factor`: of their
@@ -53,7 +41,6 @@ pub(crate) fn sums(correspondences: &[Correspondence], target_from_query: &Pose,
     weighted_sums(correspondences.iter().filter_map(|c| residual(c, &at)), &at, factor)
 }
 
-#[cfg(test)]
 fn weighted_sums(residuals: impl Iterator<Item = Residual>, at: &PairMotion, factor: f64) -> BlockSums {
     let mut sums = BlockSums::default();
     for RobustResidual { a, e, omega, .. } in residuals.map(|r| RobustResidual::weighted(r, at, factor)) {
@@ -190,11 +177,8 @@ mod tests {
         let sigma_m = 0.01;
         let mut side = |p: Vector3<f64>| {
             let position_m = p + Vector3::from_fn(|_, _| normal()) * (scale * sigma_m);
-            let point = PointEstimate {
-                position_m,
-                covariance_m2: Matrix3::identity() * (sigma_m * sigma_m),
-                is_inner: true,
-            };
+            let point =
+                PointEstimate { position_m, covariance_m2: Matrix3::identity() * (sigma_m * sigma_m) };
             Observation { ray: [p.x / p.z, p.y / p.z], ray_sigma: 0.002, point: Some(point) }
         };
         let points = (0..n).map(|k| Vector3::new((k % 7) as f64 * 0.2, (k % 5) as f64 * 0.2, 2.0));

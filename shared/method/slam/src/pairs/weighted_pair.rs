@@ -13,7 +13,6 @@ pub(crate) struct FeaturePair {
     pub(crate) inliers: Vec<Correspondence>,
     /// Of the variances of the inliers.
     pub(crate) variance_factor: f64,
-    pub(crate) border_factor: f64,
     /// Of the inliers, about that pose, metric.
     pub(crate) sums: BlockSums,
 }
@@ -21,9 +20,8 @@ pub(crate) struct FeaturePair {
 impl FeaturePair {
     /// Of matches that agree on a pose.
     pub(crate) fn new(target_from_query: Pose, inliers: Vec<Correspondence>) -> Self {
-        let (variance_factor, border_factor, sums) =
-            residuals::variance_and_sums(&inliers, &target_from_query);
-        Self { target_from_query, inliers, variance_factor, border_factor, sums }
+        let (variance_factor, sums) = residuals::variance_and_sums(&inliers, &target_from_query);
+        Self { target_from_query, inliers, variance_factor, sums }
     }
 }
 
