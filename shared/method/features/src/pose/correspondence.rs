@@ -9,17 +9,19 @@ pub struct PointEstimate {
     pub position_m: Vector3<f64>,
     /// Covariance, metres²; positive definite.
     pub covariance_m2: Matrix3<f64>,
+    /// Whether it is inside a surface, and not at its border.
+    pub is_inner: bool,
 }
 
 impl PointEstimate {
-    /// The point at depth `depth_m` on a ray `(x/z, y/z)`: standard deviation `depth_sigma_m` along
+    /// The point inside a surface at depth `depth_m` on a ray `(x/z, y/z)`: standard deviation `depth_sigma_m` along
     /// the ray's depth and `ray_sigma * depth` across.
     pub fn on_ray(ray: [f64; 2], ray_sigma: f64, depth_m: f64, depth_sigma_m: f64) -> Self {
         let direction = Vector3::new(ray[0], ray[1], 1.0);
         let across = ray_sigma * depth_m;
         let covariance_m2 = direction * direction.transpose() * (depth_sigma_m * depth_sigma_m)
             + Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, 0.0)) * (across * across);
-        Self { position_m: direction * depth_m, covariance_m2 }
+        Self { position_m: direction * depth_m, covariance_m2, is_inner: true }
     }
 }
 
@@ -52,4 +54,11 @@ pub struct Correspondence {
     pub query: Observation,
     /// In the target's camera.
     pub target: Observation,
+}
+
+impl Correspondence {
+    /// Whether either side is inside a surface.
+    pub fn is_inner(&self) -> bool {
+        [&self.query, &self.target].iter().any(|side| side.point.is_some_and(|point| point.is_inner))
+    }
 }

@@ -171,9 +171,11 @@ pub(crate) fn measure(
     (pair.target_from_query, PlaceEvidence::of_surfaces(&pair.report, &information))
 }
 
-/// Correspondences that agree with a relative pose: of their two dimensions it is one in 75,000 that does not.
+/// Correspondences that agree with a relative pose: of their two dimensions it is one in 75,000 that does not. Inside
+/// surfaces, to which the tables were fitted: at borders there are more that are the same in places that look alike.
 pub(crate) fn n_agreeing(correspondences: &[Correspondence], target_from_query: &Pose) -> usize {
-    correspondences.iter().filter(|c| residuals::squared_error(c, target_from_query) < CHI_SQUARE_6).count()
+    let agrees = |c: &&Correspondence| residuals::squared_error(c, target_from_query) < CHI_SQUARE_6;
+    correspondences.iter().filter(|c| c.is_inner()).filter(agrees).count()
 }
 
 /// Whether so many agree with a relative pose that none is missed: on some pose a dozen agree by chance, on a given one
@@ -202,7 +204,9 @@ pub(crate) fn n_comparable(
     }
     let [height, width] = [context.camera.height, context.camera.width].map(f64::from);
     let is_comparable = |o: &&Observation| {
-        let Some(point) = o.point.map(|point| point.position_m) else { return false };
+        let Some(point) = o.point.filter(|point| point.is_inner).map(|point| point.position_m) else {
+            return false;
+        };
         let there = target_from_query.rotation * point + target_from_query.translation.vector;
         let Some((row, column)) = context.camera.project(&there) else { return false };
         let turned = target_from_query.rotation * point;

@@ -177,8 +177,8 @@ mod tests {
         let sigma_m = 0.01;
         let mut side = |p: Vector3<f64>| {
             let position_m = p + Vector3::from_fn(|_, _| normal()) * (scale * sigma_m);
-            let point =
-                PointEstimate { position_m, covariance_m2: Matrix3::identity() * (sigma_m * sigma_m) };
+            let covariance_m2 = Matrix3::identity() * (sigma_m * sigma_m);
+            let point = PointEstimate { position_m, covariance_m2, is_inner: true };
             Observation { ray: [p.x / p.z, p.y / p.z], ray_sigma: 0.002, point: Some(point) }
         };
         let points = (0..n).map(|k| Vector3::new((k % 7) as f64 * 0.2, (k % 5) as f64 * 0.2, 2.0));

@@ -93,6 +93,7 @@ fn evidence(input: &TrackingInput<'_>, aligner: &mut Aligner, pose: &PoseRecord)
     let own = input.map.state().active().last().filter(|k| input.map.contains(k))?;
     let there = reference(input, Member::Keyframe(old.id))?;
     let pair = aligner.sight.pair(input.context, &there, world_from_camera, Reach::ANYWHERE);
+    let pair = pair.filter(|pair| same_place::makes_pose(&pair.inliers, &pair.target_from_query));
     let old_from_camera = pair
         .as_ref()
         .map_or_else(|| there.world_from_camera.inverse() * world_from_camera, |pair| pair.target_from_query);

@@ -218,7 +218,7 @@ fn the_sums_have_the_slope_of_the_squared_errors() {
 fn a_bearing_says_nothing_along_its_ray() {
     let p = Vector3::new(0.3, -0.2, 2.0);
     let ray = [p.x / p.z, p.y / p.z];
-    let point = PointEstimate { position_m: p, covariance_m2: Matrix3::identity() * 1e-6 };
+    let point = PointEstimate { position_m: p, covariance_m2: Matrix3::identity() * 1e-6, is_inner: true };
     let with = Observation { ray, ray_sigma: 0.002, point: Some(point) };
     let c = Correspondence { query: with, target: Observation { point: None, ..with } };
     let along = Pose::translation(0.1 * p.x, 0.1 * p.y, 0.1 * p.z);
