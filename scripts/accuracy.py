@@ -3,7 +3,10 @@
 
     scripts/accuracy.py                     # all, five seeds; compares with tests/data/accuracy.toml
     scripts/accuracy.py --only fr1_desk_200 room --seeds 3
-    scripts/accuracy.py --write             # makes the result the baseline, and docs/accuracy.md's table
+    scripts/accuracy.py --write             # makes the result the baseline, and writes it into the pages
+    scripts/accuracy.py --pages             # writes the baseline into the pages, without a run
+
+In docs/accuracy.md that is the table; elsewhere each number behind <!-- median of SEQUENCE: KEY -->.
 
 Sequences are the folders of TESSERA_SHARED (default ../shared) /data and the simulated worlds; those that are
 not there are named and left out. A sequence passes where each median is within the baseline's spread
@@ -14,6 +17,7 @@ import argparse
 import json
 import os
 import pathlib
+import re
 import statistics
 import subprocess
 import sys
@@ -22,6 +26,8 @@ import tomllib
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 BASELINE = ROOT / "tests/data/accuracy.toml"
 PAGE = ROOT / "docs/accuracy.md"
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+MEDIAN = re.compile(r"(<!-- median of (.+?): (\w+) -->)[0-9.]+")
 BEGIN, END = "<!-- scripts/accuracy.py: begin -->", "<!-- scripts/accuracy.py: end -->"
 
 # Name, arguments of run_sequence; `{data}` is the folder of recordings.
@@ -120,12 +126,31 @@ def toml_text(results):
     return "\n".join(lines) + "\n"
 
 
+def write_pages(known):
+    def median(mark):
+        decimals = next(decimals for _, key, decimals, _ in FIGURES if key == mark[3])
+        return f"{mark[1]}{known[mark[2]][mark[3]][0]:.{decimals}f}"
+
+    for page in PAGES:
+        text = page.read_text()
+        changed = MEDIAN.sub(median, text)
+        if page == PAGE:
+            before, rest = changed.split(BEGIN)
+            changed = before + BEGIN + "\n" + table(known) + "\n" + END + rest.split(END)[1]
+        if changed != text:
+            page.write_text(changed)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", nargs="+", metavar="NAME")
     parser.add_argument("--seeds", type=int, default=5)
-    parser.add_argument("--write", action="store_true", help="make the result the baseline and the page's table")
+    parser.add_argument("--write", action="store_true", help="make the result the baseline, and write it into the pages")
+    parser.add_argument("--pages", action="store_true", help="write the baseline into the pages, without a run")
     options = parser.parse_args()
+    known = tomllib.loads(BASELINE.read_text()) if BASELINE.exists() else {}
+    if options.pages:
+        return write_pages(known)
     data = pathlib.Path(os.environ.get("TESSERA_SHARED", ROOT.parent / "shared")) / "data"
     unknown = set(options.only or []) - set(SEQUENCES)
     if unknown:
@@ -141,13 +166,10 @@ def main():
         cells = [f"{column} {cell(results[name].get(key), decimals)}" for column, key, decimals, _ in FIGURES]
         print(f"{name}: {'; '.join(cells)}", file=sys.stderr, flush=True)
     print(table(results))
-    known = tomllib.loads(BASELINE.read_text()) if BASELINE.exists() else {}
     if options.write:
         known = {name: results.get(name, known.get(name)) for name in SEQUENCES if name in results or name in known}
         BASELINE.write_text(toml_text(known))
-        before, rest = PAGE.read_text().split(BEGIN)
-        PAGE.write_text(before + BEGIN + "\n" + table(known) + "\n" + END + rest.split(END)[1])
-        return
+        return write_pages(known)
     faults = {name: worse(result, known[name]) for name, result in results.items() if name in known}
     for name, found in faults.items():
         for fault in found:

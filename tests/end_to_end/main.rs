@@ -65,6 +65,7 @@ mod promises {
         mod made_elsewhere;
         mod manual;
         mod messages;
+        mod numbers;
         mod small_recording;
         mod told;
     }

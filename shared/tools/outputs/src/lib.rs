@@ -27,6 +27,7 @@ mod summary;
 pub mod test_run;
 mod timeline;
 mod trajectories;
+mod truth;
 pub mod verdict;
 mod verify;
 mod voxels;

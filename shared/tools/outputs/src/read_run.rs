@@ -3,11 +3,12 @@
 
 use crate::ToolError;
 use crate::export::{n_from_base, read_beside, read_groundtruth, read_journal, read_settings};
-use crate::facts::{Beside, lateral};
+use crate::facts::Beside;
 use crate::replay::Replay;
 use crate::seen_focal::seen_focal;
 use crate::statistics::{Ended, read_statistics};
 use crate::summary::Summary;
+use crate::truth::lateral;
 use std::path::Path;
 use tessera_evaluation::Trajectory;
 use tessera_settings::Settings;

@@ -2,6 +2,7 @@
 //! judge of the camera (`tessera_sources::judge`); here its evidence is collected.
 
 use crate::facts::Facts;
+use crate::truth::Turns;
 use crate::verdict::{Grade, Reason, reason};
 use tessera_sources::judge::{FocalEvidence, FocalPosterior, UnitsEvidence, judge_focal, judge_units};
 use tessera_sources::judge::{UnitsPosterior, student_inflation};
@@ -64,10 +65,18 @@ pub(crate) fn units(facts: &Facts) -> Option<Reason> {
     Some(reason(Grade::Failed, found, "the right units_per_metre in the camera file (docs/own_camera.md)"))
 }
 
-/// A note on ground truth whose quaternions are in another order.
+/// What the turns of the ground truth tell: its quaternions are in another order, or one of both is in a mirror.
 pub(crate) fn turned_truth(facts: &Facts) -> Option<Reason> {
-    let found = "the turns of the ground truth fit only if w is at the other end of its quaternions: expected qx qy qz qw, or w first where commas separate whole nanoseconds; errors of rotation and of the end are those of the wrong order";
-    facts.truth.filter(|truth| truth.is_w_at_other_end).map(|_| reason(Grade::Good, found.to_owned(), ""))
+    let of_order = "the turns of the ground truth fit only if w is at the other end of its quaternions: expected qx qy qz qw, or w first where commas separate whole nanoseconds; errors of rotation and of the end are those of the wrong order";
+    let of_mirror = "the turns of the ground truth fit only in a mirror: depth and colour are mirrored, and the map with them, or the ground truth has left-handed axes";
+    let (grade, found, advice) = match facts.truth?.turns {
+        Turns::AsRead => return None,
+        Turns::WAtOtherEnd => (Grade::Good, of_order, ""),
+        Turns::Mirrored => {
+            (Grade::Doubtful, of_mirror, "images as the camera sees them, both streams turned over")
+        }
+    };
+    Some(reason(grade, found.to_owned(), advice))
 }
 
 /// What the ground truth says of the positions, where no factor explains their error.

@@ -10,7 +10,7 @@ const MODELS: &str = "promises/outputs/models.rs";
 const STRANGERS: &str = "../../shared/data/sources/src/folder/layouts/tests/strangers.rs";
 
 /// Rows whose situation another test makes: a piece of the row, the test, and what it looks for.
-pub(crate) const ELSEWHERE: [(&str, &str, &str); 31] = [
+pub(crate) const ELSEWHERE: [(&str, &str, &str); 35] = [
     ("no floor was seen", MODELS, "no floor was seen"),
     ("own program sent its frames", MODELS, "own program sent its frames"),
     ("frames has a colour image", MODELS, "frames has a colour image"),
@@ -67,6 +67,22 @@ pub(crate) const ELSEWHERE: [(&str, &str, &str); 31] = [
         "is at the other end of its quaternions",
         "../../shared/tools/outputs/src/verdict/tests.rs",
         "fit only if w is at the other end of its quaternions",
+    ),
+    ("fit only in a mirror", "../../shared/tools/outputs/src/verdict/tests.rs", "fit only in a mirror"),
+    (
+        "if it is the distance along the ray",
+        "../../shared/data/frames/src/along_ray.rs",
+        r#"contains("depth = \"distance\"")"#,
+    ),
+    (
+        "the inverse of depth (disparity)",
+        "../../shared/data/frames/src/along_ray.rs",
+        r#"contains("the inverse of depth (disparity)")"#,
+    ),
+    (
+        "expected times in microseconds",
+        "../../shared/data/sources/src/folder/layouts/tests/polycam.rs",
+        "step by 1, expected times in microseconds",
     ),
     (
         "far from the middle",

@@ -1,5 +1,5 @@
 use super::*;
-use crate::facts::Truth;
+use crate::truth::{Truth, Turns};
 use tessera_evaluation::LateralScale;
 use tessera_features::FocalRatio;
 
@@ -145,7 +145,7 @@ fn how_a_run_ended_weighs_most() {
 #[test]
 fn positions_far_from_the_ground_truth_are_doubtful() {
     let off = |ate_m, spread_m| {
-        let truth = Some(Truth { scale: 1.0, is_telling: false, ate_m, spread_m, is_w_at_other_end: false });
+        let truth = Some(Truth { scale: 1.0, is_telling: false, ate_m, spread_m, turns: Turns::AsRead });
         verdict(&Facts { truth, ..good() })
     };
     let room = off(0.3, 1.2);
@@ -157,7 +157,7 @@ fn positions_far_from_the_ground_truth_are_doubtful() {
 #[test]
 fn wrong_units_and_lenses_are_named_with_the_likely_value() {
     let against = |scale, is_telling| Facts {
-        truth: Some(Truth { scale, is_telling, ate_m: 0.0, spread_m: 1.0, is_w_at_other_end: false }),
+        truth: Some(Truth { scale, is_telling, ate_m: 0.0, spread_m: 1.0, turns: Turns::AsRead }),
         ..good()
     };
     check(
@@ -172,8 +172,10 @@ fn wrong_units_and_lenses_are_named_with_the_likely_value() {
         &["1000.30 times too small: the ground truth is in millimetres, or units"],
     );
     let mut turned = against(1.0, false);
-    turned.truth.as_mut().unwrap().is_w_at_other_end = true;
+    turned.truth.as_mut().unwrap().turns = Turns::WAtOtherEnd;
     check(&turned, Grade::Good, &["fit only if w is at the other end of its quaternions"]);
+    turned.truth.as_mut().unwrap().turns = Turns::Mirrored;
+    check(&turned, Grade::Doubtful, &["fit only in a mirror", "left-handed axes"]);
     check(&against(0.21, true), Grade::Failed, &["4.76 times too large", "5000 is likely"]);
     check(&against(5.0, false), Grade::Good, &[]);
     check(&against(1.2, true), Grade::Good, &[]);
@@ -206,8 +208,7 @@ fn a_wrong_focal_length_is_told_once_by_all_evidence() {
     check(&seen(1.13, 0.01, 7), Grade::Good, &[]);
     let across = |scale, sigma, turn_per_metre, units| {
         let lateral = Some(LateralScale { scale, sigma, n_groups: 12, turn_per_metre });
-        let truth =
-            Truth { scale: units, is_telling: true, ate_m: 0.0, spread_m: 1.0, is_w_at_other_end: false };
+        let truth = Truth { scale: units, is_telling: true, ate_m: 0.0, spread_m: 1.0, turns: Turns::AsRead };
         Facts { focal_px: 500.0, truth: Some(truth), lateral, ..good() }
     };
     check(&across(1.1, 0.01, 0.3, 1.0), Grade::Doubtful, &["about 550 px", "500 px", "ground truth"]);

@@ -7,8 +7,10 @@ mod beside;
 mod files;
 mod guess;
 mod icl_nuim;
+mod intrinsics;
 mod nerf;
 mod open3d;
+mod polycam;
 mod pose;
 mod record3d;
 mod replica;
@@ -105,7 +107,7 @@ struct FolderLayout {
 }
 
 /// The more telling first: several have folders `depth` and `color`.
-const LAYOUTS: [FolderLayout; 9] = [
+const LAYOUTS: [FolderLayout; 10] = [
     FolderLayout { name: tum::NAME, is: tum::is, read: tum::read },
     FolderLayout { name: icl_nuim::NAME, is: icl_nuim::is, read: icl_nuim::read },
     FolderLayout { name: seven_scenes::NAME, is: seven_scenes::is, read: seven_scenes::read },
@@ -113,6 +115,7 @@ const LAYOUTS: [FolderLayout; 9] = [
     FolderLayout { name: stray_scanner::NAME, is: stray_scanner::is, read: stray_scanner::read },
     FolderLayout { name: record3d::NAME, is: record3d::is, read: record3d::read },
     FolderLayout { name: nerf::NAME, is: nerf::is, read: nerf::read },
+    FolderLayout { name: polycam::NAME, is: polycam::is, read: polycam::read },
     FolderLayout { name: scannet::NAME, is: scannet::is, read: scannet::read },
     FolderLayout { name: open3d::NAME, is: open3d::is, read: open3d::read },
 ];

@@ -6,10 +6,9 @@ use super::super::list::{ListEntry, is_inside};
 use super::super::names::{NameMeaning, nanos_of, understand};
 use super::asked::ChosenCamera;
 use super::files::{json, number_nanos, size_of, some_depth, wrong};
-use super::pose::{Poses, from_matrix, turned};
+use super::pose::{Poses, from_matrix, y_down};
 use super::{Asked, FoundLayout};
 use crate::SourceError;
-use nalgebra::{UnitQuaternion, Vector3};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use tessera_frames::ColourCamera;
@@ -58,10 +57,6 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
     let n = rows.len();
     rows.dedup_by_key(|(stamp, _)| *stamp);
     let (mut depth, mut colour, mut poses) = (Vec::new(), Vec::new(), Poses::default());
-    let backward = Pose::from_parts(
-        Vector3::zeros().into(),
-        UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI),
-    );
     let mut wrong_pose = None;
     for (stamp_nanos, frame) in &rows {
         let entry = |file: &str| {
@@ -74,7 +69,7 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
         let numbers: Vec<f64> = frame.transform_matrix.iter().flatten().copied().collect();
         if !numbers.is_empty() {
             match from_matrix(&numbers, &path) {
-                Ok(pose) => poses.push(*stamp_nanos, pose.map(|pose| turned(&pose, &backward))),
+                Ok(pose) => poses.push(*stamp_nanos, pose.map(|pose| y_down(&pose))),
                 Err(error) => wrong_pose = wrong_pose.or(Some(error)),
             }
         }

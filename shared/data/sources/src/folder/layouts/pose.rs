@@ -3,7 +3,7 @@
 use super::files::{numbers, text, wrong};
 use super::times::FrameTimes;
 use crate::SourceError;
-use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
+use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use std::path::Path;
 use tessera_evaluation::Trajectory;
 use tessera_geometry::Pose;
@@ -43,10 +43,11 @@ fn skew(rotation: &Matrix3<f64>) -> f64 {
     (rotation * rotation.transpose() - Matrix3::identity()).amax()
 }
 
-/// A pose of a camera whose axes are others.
+/// A pose of a camera with y up and z backward, as of ARKit and of renderers, with y down and z forward.
 #[expect(clippy::arithmetic_side_effects, reason = "poses of floating-point numbers")]
-pub(super) fn turned(pose: &Pose, camera_from_other: &Pose) -> Pose {
-    pose * camera_from_other
+pub(super) fn y_down(pose: &Pose) -> Pose {
+    let half_turn = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
+    Pose::from_parts(pose.translation, pose.rotation * half_turn)
 }
 
 /// Collects known poses by time; one that comes out of order is left out.

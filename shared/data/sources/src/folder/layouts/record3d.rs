@@ -13,10 +13,11 @@ use super::super::lzfse;
 use super::super::names::nanos_of;
 use super::asked::{ChosenCamera, POSSIBLE_FPS, USUAL_FPS};
 use super::files::{self, Numbered, number_nanos, numbered_of, pinhole, some_depth, wrong};
-use super::pose::{Poses, turned};
+use super::intrinsics::Intrinsics;
+use super::pose::{Poses, y_down};
 use super::{Asked, FoundLayout};
 use crate::SourceError;
-use nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Quaternion, Translation3, UnitQuaternion};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -54,8 +55,6 @@ const PARTS: [Parts; 2] = [
 const UNITS_PER_METRE: f64 = 5000.0;
 /// Seconds that a time may have: in nanoseconds they fit 64 bits.
 const MOST_SECONDS: f64 = 1e9;
-/// Share of the focal length by which autofocus may change it without a word.
-const MOST_FOCUS_CHANGE: f64 = 0.01;
 
 /// What is used of `metadata`.
 #[derive(Deserialize)]
@@ -127,15 +126,16 @@ pub(in crate::folder) fn read_files(files: &Files, asked: &Asked) -> Result<Foun
     };
     let depth = some_depth(entries(&images), folder, "rgbd/NUMBER.depth with times in metadata")?;
     let colour = entries(&of(parts.colour));
-    let intrinsics = Intrinsics::of(&metadata);
+    let intrinsics = intrinsics(&metadata);
     let camera = asked.camera(folder, || {
         let size = depth_size(files, parts, &metadata, &depth)?;
-        let camera = pinhole(size, intrinsics.scaled(&metadata, size), UNITS_PER_METRE, &path)?;
+        let camera = pinhole(size, intrinsics.at(size), UNITS_PER_METRE, &path)?;
         Ok(ChosenCamera::stated(camera, format!("{}, scaled to depth", parts.metadata)))
     })?;
     let mut found = FoundLayout::new(NAME, camera, depth, colour);
     found.codec = parts.codec;
-    let of_colour = Camera::pinhole((metadata.w, metadata.h), intrinsics.median, UNITS_PER_METRE);
+    let size = (metadata.w, metadata.h);
+    let of_colour = Camera::pinhole(size, intrinsics.at(size), UNITS_PER_METRE);
     found.colour_camera = Some(ColourCamera { camera: of_colour, colour_from_depth: Pose::identity() });
     let confidence: Vec<_> = found.depth.iter().map(|entry| entry.file.with_extension("conf")).collect();
     if confidence.iter().any(|file| files.is_file(file)) {
@@ -203,7 +203,6 @@ fn poses(
     stamps: &BTreeMap<u64, i64>,
     path: &Path,
 ) -> Result<Poses, SourceError> {
-    let arkit_from_camera = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
     let mut poses = Poses::default();
     for (number, stamp) in stamps {
         let Some(pose) = usize::try_from(*number).ok().and_then(|at| metadata.poses.get(at)) else {
@@ -218,10 +217,7 @@ fn poses(
         }
         let rotation = UnitQuaternion::from_quaternion(quaternion);
         let pose = Pose::from_parts(Translation3::new(x, y, z), rotation);
-        poses.push(
-            *stamp,
-            Some(turned(&pose, &Pose::from_parts(Translation3::identity(), arkit_from_camera))),
-        );
+        poses.push(*stamp, Some(y_down(&pose)));
     }
     Ok(poses)
 }
@@ -259,48 +255,11 @@ fn depth_size(
     }
 }
 
-/// Intrinsics of the size of colour, `fx fy cx cy`, pixels.
-struct Intrinsics {
-    /// Over the frames, each value by itself.
-    median: [f64; 4],
-    /// By how much of itself the focal length changes.
-    focus_change: f64,
-}
-
-impl Intrinsics {
-    fn of(metadata: &Record3dMetadata) -> Self {
-        let k = &metadata.k;
-        if metadata.intrinsics.is_empty() {
-            return Self { median: [k[0], k[4], k[6], k[7]], focus_change: 0.0 };
-        }
-        let column = |value: fn(&[f64; 4]) -> f64| {
-            let mut values: Vec<f64> = metadata.intrinsics.iter().map(value).collect();
-            values.sort_by(f64::total_cmp);
-            values
-        };
-        let columns = [column(|k| k[0]), column(|k| k[1]), column(|k| k[2]), column(|k| k[3])];
-        let median =
-            columns.each_ref().map(|values| values.get(values.len() / 2).copied().unwrap_or_default());
-        let [focal, ..] = &columns;
-        let range = focal.first().zip(focal.last()).map_or(0.0, |(least, most)| most - least);
-        let [usual, ..] = median;
-        Self { median, focus_change: range / usual }
-    }
-
-    /// At the size of depth.
-    fn scaled(&self, metadata: &Record3dMetadata, size: (u32, u32)) -> [f64; 4] {
-        let sx = f64::from(size.0) / f64::from(metadata.w);
-        let sy = f64::from(size.1) / f64::from(metadata.h);
-        let [fx, fy, cx, cy] = self.median;
-        [fx * sx, fy * sy, cx * sx, cy * sy]
-    }
-
-    fn warning(&self) -> Option<String> {
-        (self.focus_change > MOST_FOCUS_CHANGE).then(|| {
-            let percent = 100.0 * self.focus_change;
-            format!(
-                "the focal length changes by {percent:.1} % (autofocus): its median is used for all frames"
-            )
-        })
+/// Those of the frames, else of all of them.
+fn intrinsics(metadata: &Record3dMetadata) -> Intrinsics {
+    let (k, size) = (&metadata.k, (metadata.w, metadata.h));
+    match metadata.intrinsics.is_empty() {
+        true => Intrinsics::of([([k[0], k[4], k[6], k[7]], size)]),
+        false => Intrinsics::of(metadata.intrinsics.iter().map(|of_frame| (*of_frame, size))),
     }
 }

@@ -8,6 +8,7 @@ use std::path::Path;
 mod images;
 mod misread;
 mod mutations;
+mod polycam;
 mod read_wrong;
 mod record3d;
 mod strangers;
