@@ -110,7 +110,7 @@ class Map:
 class Mesh:
     """The keyframes fused into one surface.
 
-    `open3d.geometry.TriangleMesh` and `trimesh.Trimesh` take these arrays as they are.
+    `trimesh.Trimesh` takes these arrays as they are; `examples/python/objects.py` has Open3D too.
     """
 
     #: Nx3, metres.

@@ -86,6 +86,7 @@ mod interfaces {
         mod bags;
         mod fetch_tum;
         mod fuzz_corpus;
+        mod objects;
         mod record3d;
         mod recordings;
     }

@@ -17,9 +17,11 @@
 mod bag;
 mod folder;
 mod joined;
+mod klg;
 mod partial;
 mod sens;
 mod spec;
+mod stored;
 mod unread;
 
 pub use folder::FolderSource;

@@ -1,6 +1,7 @@
 //! Naming a source in one word, and opening it.
 
 use crate::folder::is_zip;
+use crate::klg::{self, KlgSource};
 use crate::partial::PartialSource;
 use crate::sens::{self, SensSource};
 use crate::{FolderSource, RecordingOptions, RecordingSource, Source, SourceError};
@@ -123,6 +124,9 @@ fn open_file(
 ) -> Result<Box<dyn Source>, SourceError> {
     if sens::is(path) {
         return Ok(Box::new(SensSource::open(path, options, frames)?));
+    }
+    if klg::is(path) {
+        return Ok(Box::new(KlgSource::open(path, options, frames)?));
     }
     if unread::begins(path, is_zip)
         && let Some(source) = FolderSource::open_zip(path, &SourceOptions { frames, ..options.clone() })?

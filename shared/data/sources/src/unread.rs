@@ -18,7 +18,7 @@ struct UnreadKind {
 }
 
 /// `{in}` and `{stem}` stand for the file and its name without its end. The first that fits is it.
-const KINDS: [UnreadKind; 7] = [
+const KINDS: [UnreadKind; 6] = [
     UnreadKind {
         begins: b"PK\x03\x04",
         ends: &[""],
@@ -49,12 +49,6 @@ const KINDS: [UnreadKind; 7] = [
         ends: &[".oni"],
         what: "a recording of OpenNI",
         remedy: "play it into ROS 2 or write its frames as PNG images, then run the folder",
-    },
-    UnreadKind {
-        begins: b"",
-        ends: &[".klg"],
-        what: "a log of ElasticFusion or Kintinuous",
-        remedy: "write its frames as 16-bit PNG depth and JPEG colour with a camera.toml, then run the folder {stem}",
     },
     UnreadKind {
         begins: b"",
@@ -95,12 +89,11 @@ mod tests {
     #[test]
     fn each_kind_is_named_with_its_command() {
         let folder = tempfile::tempdir().unwrap();
-        let table: [(&str, &[u8], &str, &str); 7] = [
+        let table: [(&str, &[u8], &str, &str); 6] = [
             ("a.zip", b"PK\x03\x04", "a zip file", "unzip"),
             ("a.tgz", b"\x1f\x8b\x08", "a compressed archive", "tar -xzf"),
             ("a.mkv", b"\x1a\x45\xdf\xa3", "Azure Kinect", "azure_kinect_mkv_reader.py"),
             ("a.oni", b"NI10", "OpenNI", "PNG"),
-            ("a.klg", b"\x90\x01\0\0", "ElasticFusion", "PNG"),
             ("a.svo", b"SVO", "ZED", "svo_export.py"),
             ("a.SVO2", b"\x89MCAP", "ZED", "svo_export.py"),
         ];

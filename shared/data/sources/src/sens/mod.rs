@@ -2,12 +2,11 @@
 
 mod file;
 
-use crate::folder::{nanos_of, pose_of_matrix};
+use crate::folder::pose_of_matrix;
+use crate::stored;
 use crate::{ImageError, SourceError, SourceOptions};
 use file::{SensDepth, SensFrame, SensHead};
-use flate2::read::ZlibDecoder;
 use std::fs::File;
-use std::io::Read;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use tessera_evaluation::Trajectory;
@@ -19,8 +18,6 @@ use tessera_geometry::{Camera, Pose};
 
 /// End of the file's name.
 const END: &str = "sens";
-/// Frames a second where the file has no times, as of ScanNet.
-const USUAL_FPS: f64 = 30.0;
 /// How far an extrinsic matrix may be from none.
 const SAME_PLACE: f32 = 1e-4;
 
@@ -70,7 +67,9 @@ impl SensSource {
         }
         let mut warnings: Vec<String> = cut.into_iter().collect();
         found.truncate(frames.and_then(|n| usize::try_from(n).ok()).unwrap_or(usize::MAX));
-        let (stamps, times) = stamps(&found, options.fps);
+        let micros: Vec<Option<i64>> =
+            found.iter().map(|frame| i64::try_from(frame.depth_micros).ok()).collect();
+        let (stamps, times) = stored::stamps(&micros, options.fps);
         let given = options.camera.as_deref().map(CameraFile::named).transpose()?;
         let mut is_distance = false;
         let mut lens = None;
@@ -130,27 +129,8 @@ impl SensSource {
     }
 
     fn depth(&self, frame: &SensFrame, depth_raw: &mut [u16]) -> Result<(), ImageError> {
-        let mut bytes = self.bytes(frame.depth)?;
-        let expected = depth_raw.len().saturating_mul(2);
-        if self.head.depth == SensDepth::Zlib {
-            let mut inflated = Vec::new();
-            // One byte more: too many are as wrong as too few.
-            let most = (expected as u64).saturating_add(1);
-            ZlibDecoder::new(&bytes[..])
-                .take(most)
-                .read_to_end(&mut inflated)
-                .map_err(|error| ImageError::Damaged { format: "zlib stream", message: error.to_string() })?;
-            bytes = inflated;
-        }
-        if bytes.len() != expected {
-            let size = (self.camera.width, self.camera.height);
-            let found = bytes.len().to_string();
-            return Err(ImageError::Length { what: "depth", found, expected, size });
-        }
-        for (raw, bytes) in depth_raw.iter_mut().zip(bytes.as_chunks::<2>().0) {
-            *raw = u16::from_le_bytes(*bytes);
-        }
-        Ok(())
+        let (is_zlib, size) = (self.head.depth == SensDepth::Zlib, (self.camera.width, self.camera.height));
+        stored::depth(&self.bytes(frame.depth)?, is_zlib, size, depth_raw)
     }
 
     fn colour(&self, frame: &SensFrame, warp: &ColourWarp) -> Result<Vec<u8>, ImageError> {
@@ -162,24 +142,6 @@ impl SensSource {
 
     fn named(&self, frame: u64) -> impl FnOnce(ImageError) -> SourceError + '_ {
         move |source| SourceError::Image { frame, path: self.path.clone(), source }
-    }
-}
-
-/// Nanoseconds of each frame: as written where they rise, else by number.
-fn stamps(frames: &[SensFrame], fps: Option<f64>) -> (Vec<i64>, String) {
-    let written: Option<Vec<i64>> =
-        frames.iter().map(|frame| i64::try_from(frame.depth_micros).ok()?.checked_mul(1000)).collect();
-    let rises = |stamps: &Vec<i64>| stamps.is_sorted_by(|a, b| a < b);
-    match written.filter(rises).filter(|_| fps.is_none()) {
-        Some(stamps) => (stamps, "of depth, in the file".to_owned()),
-        None => {
-            let fps = fps.unwrap_or(USUAL_FPS);
-            let stamp = |at: usize| nanos_of(at as f64 / fps);
-            (
-                (0..frames.len()).map(stamp).collect(),
-                format!("none: {fps} frames a second are assumed (--fps)"),
-            )
-        }
     }
 }
 
