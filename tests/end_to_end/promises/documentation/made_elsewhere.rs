@@ -10,7 +10,7 @@ const MODELS: &str = "promises/outputs/models.rs";
 const STRANGERS: &str = "../../shared/data/sources/src/folder/layouts/tests/strangers.rs";
 
 /// Rows whose situation another test makes: a piece of the row, the test, and what it looks for.
-pub(crate) const ELSEWHERE: [(&str, &str, &str); 35] = [
+pub(crate) const ELSEWHERE: [(&str, &str, &str); 36] = [
     ("no floor was seen", MODELS, "no floor was seen"),
     ("own program sent its frames", MODELS, "own program sent its frames"),
     ("frames has a colour image", MODELS, "frames has a colour image"),
@@ -67,6 +67,11 @@ pub(crate) const ELSEWHERE: [(&str, &str, &str); 35] = [
         "is at the other end of its quaternions",
         "../../shared/tools/outputs/src/verdict/tests.rs",
         "fit only if w is at the other end of its quaternions",
+    ),
+    (
+        "a .klg has no camera",
+        "../../shared/data/sources/src/klg/tests.rs",
+        "a .klg has no camera in it, expected --camera FILE",
     ),
     ("fit only in a mirror", "../../shared/tools/outputs/src/verdict/tests.rs", "fit only in a mirror"),
     (

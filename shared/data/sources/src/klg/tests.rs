@@ -55,7 +55,8 @@ fn open(bytes: &[u8], camera: Option<&str>) -> Result<Box<dyn Source>, SourceErr
 }
 
 fn read(source: &dyn Source, index: u64) -> Result<(Vec<u16>, Vec<u8>, FrameInfo), SourceError> {
-    let (mut depth, mut colour) = (vec![9; N_PIXELS], vec![9; 3 * N_PIXELS]);
+    let n = (source.camera().width * source.camera().height) as usize;
+    let (mut depth, mut colour) = (vec![9; n], vec![9; 3 * n]);
     let info = source.read(index, &mut FrameBuffers { depth: &mut depth, colour: &mut colour })?;
     Ok((depth, colour, info))
 }
