@@ -25,7 +25,7 @@ assert (made.faces == mesh.triangles).all() and made.vertices.shape == (4, 3), m
 assert np.allclose(made.vertex_normals, mesh.normals)
 # Colours are those of vertices, and stay so through a file.
 there = trimesh.load(io.BytesIO(made.export(file_type="ply")), file_type="ply", process=False)
-assert (there.visual.to_color().vertex_colors[:, :3] == mesh.colours).all(), there.visual
+assert (there.visual.vertex_colors[:, :3] == mesh.colours).all(), there.visual
 print("trimesh")
 
 try:
