@@ -45,8 +45,11 @@ pub(crate) fn depth(
 pub(crate) fn stamps(micros: &[Option<i64>], fps: Option<f64>) -> (Vec<i64>, String) {
     let written: Option<Vec<i64>> = micros.iter().map(|micros| micros.as_ref()?.checked_mul(1_000)).collect();
     let are_times = |stamps: &Vec<i64>| {
-        let mut steps: Vec<i64> =
-            stamps.array_windows().map(|[before, after]| after.saturating_sub(*before)).collect();
+        let mut steps: Vec<i64> = stamps
+            .iter()
+            .zip(stamps.iter().skip(1))
+            .map(|(before, after)| after.saturating_sub(*before))
+            .collect();
         steps.sort_unstable();
         let is_rising = steps.first().is_none_or(|least| *least > 0);
         is_rising && steps.get(steps.len() / 2).is_none_or(|step| *step >= LEAST_STEP.saturating_mul(1_000))

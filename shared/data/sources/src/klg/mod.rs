@@ -17,8 +17,8 @@ const END: &str = "klg";
 /// Raw depth of a metre.
 const UNITS_PER_METRE: f64 = 1000.0;
 /// Bytes of the count of frames, and of a frame's head.
-const COUNT: u64 = 4;
-const HEAD: u64 = 16;
+const COUNT: usize = 4;
+const HEAD: usize = 16;
 
 /// A frame, and where its images lie.
 #[derive(Clone, Debug)]
@@ -124,12 +124,12 @@ impl KlgSource {
 
 /// The frames that are whole; a sentence where they are not as many as the count, or more bytes follow.
 fn frames(file: &File, n_bytes: u64) -> (Vec<KlgFrame>, Option<String>) {
-    let mut count = [0; COUNT as usize];
+    let mut count = [0; COUNT];
     let mut found = Vec::new();
     if file.read_exact_at(&mut count, 0).is_err() {
         return (found, None);
     }
-    let mut at = COUNT;
+    let mut at = COUNT as u64;
     while let Some((frame, end)) = frame(file, at).filter(|(_, end)| *end <= n_bytes) {
         found.push(frame);
         at = end;
@@ -148,14 +148,14 @@ fn frames(file: &File, n_bytes: u64) -> (Vec<KlgFrame>, Option<String>) {
 
 /// The frame that begins at a byte, and where the next one does.
 fn frame(file: &File, at: u64) -> Option<(KlgFrame, u64)> {
-    let mut head = [0; HEAD as usize];
+    let mut head = [0; HEAD];
     file.read_exact_at(&mut head, at).ok()?;
     let [micros @ .., _, _, _, _, _, _, _, _] = head;
     let [_, _, _, _, _, _, _, _, depth @ .., _, _, _, _] = head;
     let [.., a, b, c, d] = head;
     let (n_depth, n_colour) = (i32::from_le_bytes(depth), i32::from_le_bytes([a, b, c, d]));
     let (n_depth, n_colour) = (usize::try_from(n_depth).ok()?, usize::try_from(n_colour).ok()?);
-    let of_depth = at.checked_add(HEAD)?;
+    let of_depth = at.checked_add(HEAD as u64)?;
     let of_colour = of_depth.checked_add(n_depth as u64)?;
     let frame = KlgFrame {
         micros: i64::from_le_bytes(micros),

@@ -203,8 +203,11 @@ fn stamps(
 /// Names that count frames are no times.
 fn check_times(images: &[Numbered], folder: &Path) -> Result<(), SourceError> {
     let numbers: Vec<u64> = images.iter().map(|image| image.number).collect();
-    let mut steps: Vec<u64> =
-        numbers.array_windows().map(|[before, after]| after.saturating_sub(*before)).collect();
+    let mut steps: Vec<u64> = numbers
+        .iter()
+        .zip(numbers.iter().skip(1))
+        .map(|(before, after)| after.saturating_sub(*before))
+        .collect();
     steps.sort_unstable();
     match steps.get(steps.len() / 2) {
         Some(step) if *step < LEAST_STEP => Err(wrong(
