@@ -69,13 +69,13 @@ impl PolycamPose {
 }
 
 /// The cameras of one folder.
-struct Cameras {
+struct CaptureCameras {
     of_frames: Vec<(u64, PolycamCamera)>,
     /// Files that cannot be read.
     n_wrong: usize,
 }
 
-impl Cameras {
+impl CaptureCameras {
     /// # Errors
     /// Why the first cannot be read, where none can.
     fn read(folder: &Path, sub: &str) -> Result<Self, SourceError> {
@@ -143,7 +143,7 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
     let [own, corrected] = CAMERAS;
     let is_there = |name: &str| folder.join(sub(name)).is_dir();
     let (cameras_in, images_in) = if is_there(own.0) { own } else { corrected };
-    let cameras = Cameras::read(folder, &sub(cameras_in))?;
+    let cameras = CaptureCameras::read(folder, &sub(cameras_in))?;
     let (intrinsics, path) = (cameras.intrinsics(), folder.join(sub(cameras_in)));
     let at = |size: (u32, u32)| pinhole(size, intrinsics.at(size), UNITS_PER_METRE, &path);
     let chosen = asked.camera(folder, || {
@@ -166,7 +166,7 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
         found.confidence = found.depth.iter().map(file).collect();
         found.notes.push(("confidence", "pixels of low confidence are left out".to_owned()));
     }
-    let (best, by) = match Cameras::read(folder, &sub(corrected.0)) {
+    let (best, by) = match CaptureCameras::read(folder, &sub(corrected.0)) {
         Ok(optimised) if !optimised.of_frames.is_empty() => (optimised, "Polycam (corrected_cameras)"),
         _ => (cameras, "ARKit (cameras)"),
     };
