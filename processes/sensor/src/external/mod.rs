@@ -7,6 +7,7 @@ mod camera;
 mod in_order;
 mod newest;
 mod session;
+mod stamps;
 
 use crate::SensorPorts;
 use crate::frame::{PreparedFrame, blank_frame};

@@ -84,11 +84,14 @@ pub(crate) fn make_private(identity: &RunIdentity) -> Result<(), TransportError>
 /// How long a stage that was started by a supervisor as that died may make files, until it notices.
 const ORPHAN_PATIENCE: Duration = Duration::from_secs(5);
 
-/// Removes all that a run has in shared memory and in the private folder, dead or alive.
+/// Removes all that a run has in shared memory and in the private folder, dead or alive. Its configuration goes
+/// first: a process that makes a node meanwhile sees that, and removes what it made.
 ///
 /// # Errors
 /// Where something is there and cannot be removed.
 pub fn remove_everything(identity: &RunIdentity) -> Result<(), TransportError> {
+    ignore_absent(std::fs::remove_file(&identity.config_file))
+        .map_err(TransportError::io("remove", &identity.config_file))?;
     let began = Instant::now();
     loop {
         for path in shared_memory_files(identity) {
@@ -98,14 +101,9 @@ pub fn remove_everything(identity: &RunIdentity) -> Result<(), TransportError> {
             Err(error) if is_written_to(&error) && began.elapsed() < ORPHAN_PATIENCE => {
                 std::thread::sleep(Duration::from_millis(10));
             }
-            result => {
-                result.map_err(TransportError::io("remove", &identity.root))?;
-                break;
-            }
+            result => return result.map_err(TransportError::io("remove", &identity.root)),
         }
     }
-    ignore_absent(std::fs::remove_file(&identity.config_file))
-        .map_err(TransportError::io("remove", &identity.config_file))
 }
 
 /// Whether something was made in a folder while it was emptied.

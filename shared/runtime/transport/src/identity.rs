@@ -61,6 +61,11 @@ impl RunIdentity {
         std::fs::write(&self.config_file, text).map_err(TransportError::io("write", &self.config_file))
     }
 
+    /// Whether the run has not been cleared away: its configuration is the first that goes.
+    pub(crate) fn is_there(&self) -> bool {
+        self.config_file.exists()
+    }
+
     /// Loads the run's configuration, also as the global one: where iceoryx2 falls back to that,
     /// it must find this run and no other.
     pub(crate) fn load(&self) -> Result<Config, TransportError> {

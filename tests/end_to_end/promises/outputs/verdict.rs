@@ -122,6 +122,34 @@ fn all_that_is_told_of_a_run_is_one_verdict() {
     }
 }
 
+/// Broken and black images, one frame alone, and frames that a live run left out.
+#[test]
+fn reasons_of_each_kind_are_told_alike() {
+    let spoilt = tempfile::tempdir().unwrap();
+    recording(spoilt.path(), 1.0);
+    let image = |kind: &str, index: u64| spoilt.path().join(format!("{kind}/{index}.png"));
+    (20..24).for_each(|index| std::fs::write(image("depth", index), "no image").unwrap());
+    std::fs::write(image("rgb", 40), "no image").unwrap();
+    let black = image::ImageBuffer::<image::Luma<u16>, _>::new(160, 120);
+    (60..75).for_each(|index| black.save(image("depth", index)).unwrap());
+    let camera = spoilt.path().join("camera.toml");
+    let spoilt = room().frames(120).of(spoilt.path()).with(&["--camera", camera.to_str().unwrap()]);
+    let alone = room().frames(1);
+    let left_out = room().frames(60).with(&["--live"]).with_faults("align=computed:20*");
+    let cases: [(&Run, &[&str]); 3] = [
+        (&spoilt, &["missing or broken image", "went without their colour image", "hold too little depth"]),
+        (&alone, &["one frame alone was processed"]),
+        (&left_out, &["1 missing (they ended their stage)"]),
+    ];
+    for (run, expected) in cases {
+        let (grade, reasons) = told(run, &strictly(run), "done");
+        assert_eq!(grade, "doubtful", "{reasons:?}");
+        for words in expected {
+            assert!(reasons.iter().any(|reason| reason.contains(words)), "{words}: {reasons:?}");
+        }
+    }
+}
+
 #[test]
 fn a_quiet_run_that_is_doubtful_has_words_for_its_exit_code() {
     let plain = ["--set", "mapping.features.enabled=false", "--set", "simulation.sensor=exact", "--strict"];
