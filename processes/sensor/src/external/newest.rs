@@ -53,8 +53,8 @@ impl Supply for Newest {
             self.camera.check_silence(at.next, at.n_frames.is_none())?;
             return Ok(Supplied::Wait(WaitingOn::Camera));
         };
-        turn.drop_frames(index - at.next);
-        at.next = index + 1;
+        turn.drop_frames(index.saturating_sub(at.next));
+        at.next = index.saturating_add(1);
         if turn.loses_poison(index) {
             return Ok(Supplied::Again);
         }
@@ -78,7 +78,8 @@ const NANOS_BETWEEN: u64 = 1_000_000;
 /// Refusal of an index that leaves out more images than there can be in the time between two stamps: a
 /// counter of another kind, or one that was misread.
 fn jump(image: u64, n_left_out: u64, nanos_between: Option<i64>) -> Option<String> {
-    let in_between = |nanos: i64| FEW_LEFT_OUT + u64::try_from(nanos).unwrap_or(0) / NANOS_BETWEEN;
+    let in_between =
+        |nanos: i64| (u64::try_from(nanos).unwrap_or(0) / NANOS_BETWEEN).saturating_add(FEW_LEFT_OUT);
     let most = nanos_between.map_or(MOST_LEFT_OUT, |nanos| in_between(nanos).min(MOST_LEFT_OUT));
     (n_left_out > most).then(|| {
         format!(
@@ -134,10 +135,10 @@ fn newest(
     let mut newest: Option<(ExternalImage, u64)> = None;
     while let Some(image) = camera.receive(&mut turn.ports.pulse)? {
         let header = image.header;
-        let next = newest.as_ref().map_or(at.next, |(_, index)| index + 1);
+        let next = newest.as_ref().map_or(at.next, |(_, index)| index.saturating_add(1));
         if image.kind == Kind::End {
             let index = at.session.and_then(|session| session.frame(&header)).unwrap_or(next).max(next);
-            if let Some(reason) = jump(header.index, index - next, None) {
+            if let Some(reason) = jump(header.index, index.saturating_sub(next), None) {
                 camera.refuse(reason, &mut turn.ports.pulse);
                 continue;
             }
@@ -155,7 +156,7 @@ fn newest(
                 next
             }
             Fate::Seen => {
-                turn.ports.pulse.beat.duplicates += 1;
+                turn.note_duplicate();
                 continue;
             }
             Fate::Refused(reason) => {

@@ -31,12 +31,12 @@ pub(crate) fn clean_dead_nodes(config: &Config, identity: &RunIdentity) -> Clean
     for node in dead {
         let id = node.id().value().to_string();
         if node.blocking_remove_stale_resources(Duration::from_millis(500)).is_ok() {
-            cleaned.nodes += 1;
+            cleaned.nodes = cleaned.nodes.saturating_add(1);
         } else {
             // Killed while it made a service or port: a tag stays in its folder, and iceoryx2
             // 0.10 then fails for ever. Its process is gone, so these files are needed no more.
             remove_node_files(&identity.root, &id);
-            cleaned.forced += 1;
+            cleaned.forced = cleaned.forced.saturating_add(1);
         }
     }
     cleaned

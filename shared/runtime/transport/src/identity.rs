@@ -145,7 +145,7 @@ fn random_word(base: &Path) -> Result<String, TransportError> {
         .and_then(|mut file| file.read_exact(&mut bytes))
         .map_err(TransportError::io("read random bytes for", base))?;
     const LETTERS: &[u8; 32] = b"abcdefghijkmnopqrstuvwxyz2345678";
-    Ok(bytes.map(|byte| char::from(LETTERS[usize::from(byte % 32)])).iter().collect())
+    Ok(bytes.iter().filter_map(|byte| LETTERS.get(usize::from(byte % 32))).copied().map(char::from).collect())
 }
 
 #[cfg(test)]
