@@ -9,7 +9,7 @@ const IMAGE_NANOS: i64 = 1_000_000_000;
 
 /// The last image that was taken.
 #[derive(Clone, Copy, Debug)]
-struct Taken {
+struct TakenStamp {
     stamp_nanos: i64,
     /// Time from the one before it, by their stamps.
     step_nanos: i64,
@@ -20,7 +20,7 @@ struct Taken {
 /// Stamps so far.
 #[derive(Debug, Default)]
 pub(super) struct Stamps {
-    last: Option<Taken>,
+    last: Option<TakenStamp>,
     /// A stamp far ahead that was refused, and nothing was taken since.
     doubted: Option<i64>,
 }
@@ -68,7 +68,8 @@ impl Stamps {
     /// Notes an image that was taken.
     pub(super) fn take(&mut self, stamp_nanos: i64, now_nanos: u64) {
         let step_nanos = self.since_last(stamp_nanos).unwrap_or(0);
-        *self = Self { last: Some(Taken { stamp_nanos, step_nanos, came_nanos: now_nanos }), doubted: None };
+        *self =
+            Self { last: Some(TakenStamp { stamp_nanos, step_nanos, came_nanos: now_nanos }), doubted: None };
     }
 }
 
