@@ -69,7 +69,7 @@ mod tests {
         let mut ends = Vec::new();
         for k in 0..4 {
             journal.append(&k, false).unwrap();
-            ends.push(journal.mark().end as usize);
+            ends.push(journal.mark().len_bytes() as usize);
             assert_eq!(journaled.look(&files), [""; 0], "it grows");
         }
         let bytes = std::fs::read(&path).unwrap();
