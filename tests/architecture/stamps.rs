@@ -10,16 +10,44 @@ fn operands(line: &str) -> impl Iterator<Item = [&str; 2]> + '_ {
         let before = &line[..at];
         let before = &before[before.rfind(|c| !is_word(c)).map_or(0, |k| k + 1)..];
         let after = &line[at + sign.len()..];
-        [before, &after[..after.find(|c| !is_word(c)).unwrap_or(after.len())]]
+        let after = &after[..after.find(|c| !is_word(c)).unwrap_or(after.len())];
+        [&before[opened(before).map_or(0, |k| k + 1)..], &after[..closed(after).unwrap_or(after.len())]]
     })
+}
+
+/// The last bracket that is opened in a word and not closed.
+fn opened(word: &str) -> Option<usize> {
+    let mut depth = 0;
+    word.bytes()
+        .enumerate()
+        .rev()
+        .find(|(_, byte)| is_outside(*byte, b"])", b"[(", &mut depth))
+        .map(|(k, _)| k)
+}
+
+/// The first bracket that is closed in a word and not opened.
+fn closed(word: &str) -> Option<usize> {
+    let mut depth = 0;
+    word.bytes().position(|byte| is_outside(byte, b"[(", b"])", &mut depth))
+}
+
+fn is_outside(byte: u8, inward: &[u8], outward: &[u8], depth: &mut u32) -> bool {
+    if inward.contains(&byte) {
+        *depth += 1;
+    } else if outward.contains(&byte) {
+        match depth.checked_sub(1) {
+            Some(less) => *depth = less,
+            None => return true,
+        }
+    }
+    false
 }
 
 /// Whether a word names a time in nanoseconds.
 fn is_stamp(word: &str) -> bool {
     let last = word.trim_matches(['(', ')', '*', '&']).rsplit('.').next().unwrap_or_default();
     let name = last.split(['[', '(']).next().unwrap_or_default();
-    ["stamp_nanos", "stamps_nanos", "stamp", "at_nanos", "from_nanos", "to_nanos", "now_nanos"]
-        .contains(&name)
+    name == "stamp" || name.ends_with("nanos")
 }
 
 fn unsaturated(line: &str) -> bool {
@@ -48,11 +76,19 @@ fn a_difference_of_stamps_is_seen() {
         "(stamp - from) as f64",
         "estimate.stamps_nanos[at] + offset_nanos",
         "(at_nanos - t0) as f64",
+        "now - contact.last_nanos < limit",
+        "f(a.stamp_nanos - b)",
     ] {
         assert!(unsaturated(line), "{line}");
     }
-    for line in ["a.stamp_nanos.saturating_sub(b)", "exposure.stamp_s - lag_s", "// stamp - from", "end - at"]
-    {
+    for line in [
+        "a.stamp_nanos.saturating_sub(b)",
+        "exposure.stamp_s - lag_s",
+        "// stamp - from",
+        "end - at",
+        "begin_nanos(bucket + 1)",
+        "(begun.elapsed() + lasting).as_nanos()",
+    ] {
         assert!(!unsaturated(line), "{line}");
     }
 }

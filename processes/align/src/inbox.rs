@@ -1,4 +1,13 @@
 //! Surfaces in shared memory: the one that is next, some that came early, and the recent ones.
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 use std::collections::BTreeMap;
 use tessera_features::Feature;
@@ -22,7 +31,7 @@ pub(crate) struct ReceivedSurface {
 impl ReceivedSurface {
     /// The vertices, in place.
     pub(crate) fn vertices(&self) -> &[Vertex] {
-        &self.received.payload()[..self.n_vertices]
+        self.received.payload().get(..self.n_vertices).unwrap_or_default()
     }
 
     /// Vertices and features as a keyframe keeps them, in place.
@@ -66,7 +75,7 @@ impl Inbox {
             subscriber: link.surface_subscriber()?,
             held: BTreeMap::new(),
             // One less than may be borrowed: the one being looked at.
-            capacity: layout.surfaces().borrowed - 1,
+            capacity: layout.surfaces().borrowed.saturating_sub(1),
             grid: layout.grid,
             n_frames,
         })
@@ -86,7 +95,7 @@ impl Inbox {
             let Some(received) = self.subscriber.receive()? else { break };
             let header = received.header();
             if header.index < first || self.held.contains_key(&header.index) {
-                pulse.beat.duplicates += 1;
+                pulse.beat.duplicates = pulse.beat.duplicates.saturating_add(1);
                 continue;
             }
             let checked = header.validate(&expected, received.payload()).and_then(|kind| {
@@ -103,7 +112,7 @@ impl Inbox {
                 }
                 Err(refusal) => {
                     tracing::warn!(frame = header.index, "refused: {refusal}");
-                    pulse.beat.refused += 1;
+                    pulse.beat.refused = pulse.beat.refused.saturating_add(1);
                 }
             }
         }

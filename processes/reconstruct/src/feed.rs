@@ -1,4 +1,13 @@
 //! Choice of the next frame: each in order, or in live mode the newest.
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 use std::collections::BTreeSet;
 use tessera_messages::{Flow, FrameHeader, FrameShape, Kind, Refusal};
@@ -77,13 +86,13 @@ impl Feed {
                 Ok(kind) => kind,
                 Err(refusal) => {
                     tracing::warn!(frame = header.index, "refused: {refusal}");
-                    pulse.beat.refused += 1;
+                    pulse.beat.refused = pulse.beat.refused.saturating_add(1);
                     continue;
                 }
             };
             if !self.is_live {
                 if self.known_flow(header.epoch).is_some_and(|flow| header.index < flow.acknowledged) {
-                    pulse.beat.duplicates += 1;
+                    pulse.beat.duplicates = pulse.beat.duplicates.saturating_add(1);
                     continue;
                 }
                 return Ok(Some((header, kind, frame)));
@@ -95,13 +104,13 @@ impl Feed {
             self.count(&header, pulse);
             if kind == Kind::Frame && self.poison.contains(&header.index) {
                 tracing::warn!(frame = header.index, "lost: it ended reconstruct again and again");
-                pulse.beat.lost += 1;
-                self.dropped += 1;
+                pulse.beat.lost = pulse.beat.lost.saturating_add(1);
+                self.dropped = self.dropped.saturating_add(1);
                 continue;
             }
             if newest.replace((header, kind, frame)).is_some() {
-                pulse.beat.dropped += 1;
-                self.dropped += 1;
+                pulse.beat.dropped = pulse.beat.dropped.saturating_add(1);
+                self.dropped = self.dropped.saturating_add(1);
             }
         }
         if let Some((header, ..)) = &mut newest {
@@ -119,14 +128,16 @@ impl Feed {
     /// because the sensor may have heard of an acknowledgement before us.
     fn limit(&self, epoch: u64) -> Option<u64> {
         let flow = self.known_flow(epoch).filter(|_| !self.is_live)?;
-        Some(flow.acknowledged.saturating_add(2 * self.window + 1))
+        Some(flow.acknowledged.saturating_add(self.window.saturating_mul(2).saturating_add(1)))
     }
 
     /// Live mode: what the sensor left out, and what was overwritten in our queue.
     fn count(&mut self, header: &FrameHeader, pulse: &mut Pulse) {
-        let gap = self.last_index.map_or(header.dropped_before, |last| header.index.saturating_sub(last + 1));
-        self.dropped += gap;
-        pulse.beat.dropped += gap.saturating_sub(header.dropped_before);
+        let gap = self
+            .last_index
+            .map_or(header.dropped_before, |last| header.index.saturating_sub(last).saturating_sub(1));
+        self.dropped = self.dropped.saturating_add(gap);
+        pulse.beat.dropped = pulse.beat.dropped.saturating_add(gap.saturating_sub(header.dropped_before));
         self.last_index = Some(header.index);
     }
 }

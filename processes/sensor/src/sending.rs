@@ -60,8 +60,15 @@ pub(crate) struct Turn<'a> {
 impl Turn<'_> {
     /// Counts frames that newer ones have overtaken.
     pub(crate) fn drop_frames(&mut self, n_frames: u64) {
-        *self.dropped_before += n_frames;
-        self.ports.pulse.beat.dropped += n_frames;
+        *self.dropped_before = self.dropped_before.saturating_add(n_frames);
+        let beat = &mut self.ports.pulse.beat;
+        beat.dropped = beat.dropped.saturating_add(n_frames);
+    }
+
+    /// Counts an image that came before.
+    pub(crate) fn note_duplicate(&mut self) {
+        let beat = &mut self.ports.pulse.beat;
+        beat.duplicates = beat.duplicates.saturating_add(1);
     }
 
     /// Counts a frame that cannot be used.

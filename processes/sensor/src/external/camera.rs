@@ -38,6 +38,7 @@ struct Refused {
 }
 
 impl ExternalCamera {
+    #[expect(clippy::cast_possible_truncation, reason = "the cast saturates")]
     pub(super) fn open(context: &StageContext, link: &Link) -> Result<Self, StageError> {
         let run = &context.settings.run;
         Ok(Self {
@@ -83,10 +84,10 @@ impl ExternalCamera {
 
     /// Counts an image that cannot be used, and logs it at most once a second.
     pub(super) fn refuse(&mut self, reason: String, pulse: &mut Pulse) {
-        pulse.beat.refused += 1;
+        pulse.beat.refused = pulse.beat.refused.saturating_add(1);
         let now = monotonic_nanos();
         let refused = &mut self.refused;
-        refused.n += 1;
+        refused.n = refused.n.saturating_add(1);
         if now.saturating_sub(refused.logged_at) >= LOG_INTERVAL_NANOS {
             tracing::warn!("refused {} of the camera's images, the last: {reason}", refused.n);
             (refused.n, refused.logged_at) = (0, now);

@@ -37,7 +37,7 @@ impl AwaitedFrame {
     fn repeat(&mut self) {
         let now = monotonic_nanos();
         (self.epoch, self.at, self.later) = (now, now, None);
-        self.n += 1;
+        self.n = self.n.saturating_add(1);
     }
 
     fn is_due(&self) -> bool {
@@ -62,7 +62,7 @@ impl InOrder {
     fn take(&mut self, image: &ExternalImage, turn: &mut Turn<'_>) -> Result<Supplied, StageError> {
         let (index, request) = (image.header.index, &mut self.request);
         if index < request.next {
-            turn.ports.pulse.beat.duplicates += 1;
+            turn.note_duplicate();
             return Ok(Supplied::Again);
         }
         if index > request.next {
@@ -79,7 +79,8 @@ impl InOrder {
         if image.header.asks_relocalisation() {
             frame.loan.header_mut().relocalise_from = index;
         }
-        (request.next, request.at, request.later, request.n) = (index + 1, monotonic_nanos(), None, 1);
+        (request.next, request.at, request.later, request.n) =
+            (index.saturating_add(1), monotonic_nanos(), None, 1);
         Ok(Supplied::Frame { frame, due_nanos: 0 })
     }
 
@@ -90,7 +91,7 @@ impl InOrder {
             return Err(StageError::Input(format!(
                 "frame {next} was asked for {n} times, and the camera sends frame {later}: it must keep its \
                  last {} frames and send again from the index that camera_flow names",
-                2 * self.window
+                self.window.saturating_mul(2)
             )));
         }
         self.request.repeat();

@@ -2,11 +2,21 @@
 //!
 //! The program stays outside the window and its epochs: what it writes cannot stall or lose a
 //! frame of the pipeline, and it may die and come back at any time.
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 mod camera;
 mod in_order;
 mod newest;
 mod session;
+mod stamps;
 
 use crate::SensorPorts;
 use crate::frame::{PreparedFrame, blank_frame};
@@ -49,10 +59,11 @@ fn copy(
     header.up = image.header.up;
     let from = image.received.payload();
     let to = frame.loan.payload_mut();
-    let len = from.len().min(to.len());
-    to[..len].copy_from_slice(&from[..len]);
+    let (to, rest) = to.split_at_mut(from.len().min(to.len()));
+    // As long as the shorter of the two.
+    to.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
     // What an earlier frame left behind the depth must not look like this one's colour.
-    to[len..].fill(0);
+    rest.fill(0);
     frame.decode_nanos = monotonic_nanos().saturating_sub(began);
     Ok(frame)
 }

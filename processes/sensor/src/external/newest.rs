@@ -2,10 +2,11 @@
 
 use super::camera::{ExternalCamera, ExternalImage};
 use super::session::Session;
+use super::stamps::Stamps;
 use super::{copy, most_frames};
 use crate::sending::{Supplied, Supply, Turn};
-use tessera_messages::{CameraFlow, Kind, MOST_LEFT_OUT, WaitingOn};
-use tessera_stage::{StageContext, StageError};
+use tessera_messages::{CameraFlow, CameraFrame, Kind, MOST_LEFT_OUT, WaitingOn};
+use tessera_stage::{StageContext, StageError, monotonic_nanos};
 
 /// The camera's newest image.
 pub(super) struct Newest {
@@ -19,7 +20,7 @@ struct Position {
     /// First frame that was not sent.
     next: u64,
     session: Option<Session>,
-    last_stamp_nanos: Option<i64>,
+    stamps: Stamps,
     /// Number of frames, once the camera has ended.
     n_frames: Option<u64>,
 }
@@ -35,7 +36,7 @@ impl Supply for Newest {
         self.position.get_or_insert_with(|| Position {
             next: first_missing,
             session: Session::read(context),
-            last_stamp_nanos: None,
+            stamps: Stamps::default(),
             n_frames: None,
         });
         Ok(())
@@ -52,8 +53,8 @@ impl Supply for Newest {
             self.camera.check_silence(at.next, at.n_frames.is_none())?;
             return Ok(Supplied::Wait(WaitingOn::Camera));
         };
-        turn.drop_frames(index - at.next);
-        at.next = index + 1;
+        turn.drop_frames(index.saturating_sub(at.next));
+        at.next = index.saturating_add(1);
         if turn.loses_poison(index) {
             return Ok(Supplied::Again);
         }
@@ -77,7 +78,8 @@ const NANOS_BETWEEN: u64 = 1_000_000;
 /// Refusal of an index that leaves out more images than there can be in the time between two stamps: a
 /// counter of another kind, or one that was misread.
 fn jump(image: u64, n_left_out: u64, nanos_between: Option<i64>) -> Option<String> {
-    let in_between = |nanos: i64| FEW_LEFT_OUT + u64::try_from(nanos).unwrap_or(0) / NANOS_BETWEEN;
+    let in_between =
+        |nanos: i64| (u64::try_from(nanos).unwrap_or(0) / NANOS_BETWEEN).saturating_add(FEW_LEFT_OUT);
     let most = nanos_between.map_or(MOST_LEFT_OUT, |nanos| in_between(nanos).min(MOST_LEFT_OUT));
     (n_left_out > most).then(|| {
         format!(
@@ -85,6 +87,43 @@ fn jump(image: u64, n_left_out: u64, nanos_between: Option<i64>) -> Option<Strin
              indices count images one by one"
         )
     })
+}
+
+/// What becomes of an image.
+#[derive(Debug)]
+enum Fate {
+    /// It is that frame.
+    Frame(u64),
+    /// It is the next frame, and a session begins with it.
+    Begins,
+    /// It came before.
+    Seen,
+    Refused(String),
+}
+
+/// What becomes of an image that comes at `now_nanos` where frame `next` is awaited.
+fn fate(at: &mut Position, header: &CameraFrame, next: u64, now_nanos: u64) -> Fate {
+    let session = at.session.filter(|session| session.is_of(header));
+    let index = match session.map(|session| session.frame(header)) {
+        None => next,
+        Some(None) => {
+            return Fate::Refused(format!(
+                "frame {}: expected none before the first of its session, which had a higher index",
+                header.index
+            ));
+        }
+        Some(Some(index)) if index < next => return Fate::Seen,
+        Some(Some(index)) => index,
+    };
+    let n_left_out = index.saturating_sub(next);
+    if let Err(reason) = at.stamps.check(header.index, header.stamp_nanos, n_left_out, now_nanos) {
+        return Fate::Refused(reason);
+    }
+    if session.is_none() {
+        return Fate::Begins;
+    }
+    let nanos = at.stamps.since_last(header.stamp_nanos);
+    jump(header.index, n_left_out, nanos).map_or(Fate::Frame(index), Fate::Refused)
 }
 
 /// The newest usable image and the frame that it is. An end is noted and ends the search.
@@ -96,10 +135,10 @@ fn newest(
     let mut newest: Option<(ExternalImage, u64)> = None;
     while let Some(image) = camera.receive(&mut turn.ports.pulse)? {
         let header = image.header;
-        let next = newest.as_ref().map_or(at.next, |(_, index)| index + 1);
+        let next = newest.as_ref().map_or(at.next, |(_, index)| index.saturating_add(1));
         if image.kind == Kind::End {
             let index = at.session.and_then(|session| session.frame(&header)).unwrap_or(next).max(next);
-            if let Some(reason) = jump(header.index, index - next, None) {
+            if let Some(reason) = jump(header.index, index.saturating_sub(next), None) {
                 camera.refuse(reason, &mut turn.ports.pulse);
                 continue;
             }
@@ -108,32 +147,21 @@ fn newest(
             camera.note_usable();
             break;
         }
-        if let Some(last) = at.last_stamp_nanos.filter(|last| *last >= header.stamp_nanos) {
-            let reason = format!(
-                "frame {}: stamp_nanos is {}, expected more than {last} as the image before it has",
-                header.index, header.stamp_nanos
-            );
-            camera.refuse(reason, &mut turn.ports.pulse);
-            continue;
-        }
-        let known = at.session.and_then(|session| session.frame(&header));
-        let index = match known {
-            Some(index) if index < next => {
-                turn.ports.pulse.beat.duplicates += 1;
-                continue;
-            }
-            Some(index) => {
-                let nanos = at.last_stamp_nanos.map(|last| header.stamp_nanos.saturating_sub(last));
-                if let Some(reason) = jump(header.index, index - next, nanos) {
-                    camera.refuse(reason, &mut turn.ports.pulse);
-                    continue;
-                }
-                index
-            }
-            None => {
+        let now = monotonic_nanos();
+        let index = match fate(at, &header, next, now) {
+            Fate::Frame(index) => index,
+            Fate::Begins => {
                 tracing::info!(frame = next, "the camera counts from {} in a new session", header.index);
                 at.session = Some(Session::begin(turn.context, at.session, &header, next)?);
                 next
+            }
+            Fate::Seen => {
+                turn.note_duplicate();
+                continue;
+            }
+            Fate::Refused(reason) => {
+                camera.refuse(reason, &mut turn.ports.pulse);
+                continue;
             }
         };
         if most_frames(turn.context).is_some_and(|n| index >= n) {
@@ -145,7 +173,7 @@ fn newest(
             session.ask_relocalisation(turn.context, index)?;
         }
         camera.note_usable();
-        at.last_stamp_nanos = Some(header.stamp_nanos);
+        at.stamps.take(header.stamp_nanos, now);
         newest = Some((image, index));
     }
     Ok(newest)

@@ -63,10 +63,15 @@ impl Session {
             .map_err(|e| wrong(format!("cannot write: {e}")))
     }
 
+    /// Whether an image states this session.
+    pub(super) fn is_of(&self, header: &CameraFrame) -> bool {
+        header.session == self.session
+    }
+
     /// The frame that an image of this session is; `None` for another session, or an image from
     /// before this one began.
     pub(super) fn frame(&self, header: &CameraFrame) -> Option<u64> {
-        let since = header.index.checked_sub(self.image).filter(|_| header.session == self.session)?;
+        let since = header.index.checked_sub(self.image).filter(|_| self.is_of(header))?;
         self.frame.checked_add(since)
     }
 }

@@ -26,7 +26,7 @@ pub(super) fn measure(walk: &Walk, model: &ImuModel, seed: u64, last_stamp_nanos
     let force_sigma = FORCE_NOISE * RATE_HZ.sqrt();
     let interval_nanos = (1e9 / RATE_HZ) as i64;
     let mut recording = ImuRecording { model: *model, ..ImuRecording::default() };
-    for k in 0..=last_stamp_nanos / interval_nanos + 1 {
+    for k in 0..=(last_stamp_nanos / interval_nanos).saturating_add(1) {
         let stamp_nanos = k * interval_nanos;
         let at = |shift_s: f64| walk.world_from_camera(stamp_nanos as f64 * 1e-9 + shift_s);
         let (before, now, after) = (at(-HALF_S), at(0.0), at(HALF_S));

@@ -107,7 +107,7 @@ impl BaseContactWriter {
     pub fn heard(&mut self, files: &RunFiles) -> std::io::Result<()> {
         let now = monotonic_nanos();
         let lasting = self.0.filter(|contact| contact.lasts_at(now));
-        if lasting.is_some_and(|contact| now - contact.last_nanos < nanos(NOTE_EVERY)) {
+        if lasting.is_some_and(|contact| now.saturating_sub(contact.last_nanos) < nanos(NOTE_EVERY)) {
             return Ok(());
         }
         let since_nanos = lasting.map_or(now, |contact| contact.since_nanos);

@@ -15,5 +15,5 @@ pub fn cpu_nanos() -> u64 {
 
 fn nanos(id: ClockId) -> u64 {
     let time = clock_gettime(id);
-    time.tv_sec as u64 * 1_000_000_000 + time.tv_nsec as u64
+    (time.tv_sec as u64).saturating_mul(1_000_000_000).saturating_add(time.tv_nsec as u64)
 }

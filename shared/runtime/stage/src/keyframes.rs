@@ -25,6 +25,8 @@ const MOST_UNPACKED: usize = 64;
 /// Bytes of the surfaces that are held unpacked for a single look, at most: 1,000 of 160x120 vertices. A solve for
 /// more keyframes reads the others anew each time it looks at them.
 const MOST_LOOKED_AT_BYTES: usize = 614_000_000;
+/// The same in vertices.
+const MOST_LOOKED_AT_VERTICES: usize = MOST_LOOKED_AT_BYTES / size_of::<Vertex>();
 
 /// All keyframes so far; each is unpacked when it is first read.
 #[derive(Debug)]
@@ -81,7 +83,7 @@ impl StoredKeyframes {
             damage: OnceLock::new(),
             given_up: OnceLock::new(),
             blank: OnceLock::new(),
-            most_looked_at: MOST_LOOKED_AT_BYTES / (size_of::<Vertex>() * grid.len().max(1)),
+            most_looked_at: MOST_LOOKED_AT_VERTICES.checked_div(grid.len()).unwrap_or(0),
             n_held: AtomicUsize::new(0),
             now: 0,
         })
@@ -147,7 +149,7 @@ impl StoredKeyframes {
         if let Some(newest) = self.keyframes.last_mut() {
             let features = load_features(bytes).map_err(|error| not_a_surface(&newest.slot, &error))?;
             if newest.surface.get().is_none() {
-                *self.n_held.get_mut() += 1;
+                *self.n_held.get_mut() = self.n_held.get_mut().saturating_add(1);
             }
             newest.surface = OnceLock::from(Some(UnpackedSurface { vertices, features }));
         }
@@ -209,15 +211,17 @@ impl StoredKeyframes {
     /// Forgets the surfaces that were not used within the last `n_calls` calls, where many are held;
     /// what is needed again is read again.
     pub fn forget_unused(&mut self, n_calls: u64) {
-        self.now += 1;
+        self.now = self.now.saturating_add(1);
         if !self.now.is_multiple_of(n_calls) {
             return;
         }
         if *self.n_held.get_mut() > MOST_UNPACKED {
             let now = self.now;
             for keyframe in &mut self.keyframes {
-                if *keyframe.last_use.get_mut() + n_calls < now && keyframe.surface.take().is_some() {
-                    *self.n_held.get_mut() -= 1;
+                if keyframe.last_use.get_mut().saturating_add(n_calls) < now
+                    && keyframe.surface.take().is_some()
+                {
+                    *self.n_held.get_mut() = self.n_held.get_mut().saturating_sub(1);
                 }
             }
         }

@@ -3,6 +3,15 @@
 //!
 //! A stage is then a shell of about a page: open, wait, one pure step, write down, hand on.
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 mod base;
 mod broken;

@@ -92,7 +92,7 @@ pub fn last_lines(path: &Path, process: &str, n: usize) -> Vec<String> {
     // The third word, and no other: a line may quote another one.
     let is_own = |line: &&str| line.split_whitespace().nth(2).is_some_and(|word| word.starts_with(&mark));
     let lines: Vec<&str> = text.lines().filter(is_own).collect();
-    lines[lines.len().saturating_sub(n)..].iter().map(|line| line.to_string()).collect()
+    lines.iter().skip(lines.len().saturating_sub(n)).map(|line| line.to_string()).collect()
 }
 
 /// The end of a file.

@@ -34,6 +34,6 @@ impl Marks {
 
     /// Bytes of both journals before the marks.
     pub fn len_bytes(&self) -> u64 {
-        self.align.len_bytes() + self.optimise.len_bytes()
+        self.align.len_bytes().saturating_add(self.optimise.len_bytes())
     }
 }

@@ -14,7 +14,7 @@ pub(crate) fn limit_memory(megabytes: u64) -> std::io::Result<()> {
         return Ok(());
     }
     let Rlimit { maximum, .. } = getrlimit(Resource::Data);
-    let wanted = megabytes * 1_000_000;
+    let wanted = megabytes.saturating_mul(1_000_000);
     let current = Some(maximum.map_or(wanted, |maximum| maximum.min(wanted)));
     Ok(setrlimit(Resource::Data, Rlimit { current, maximum })?)
 }

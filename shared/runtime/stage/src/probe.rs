@@ -28,7 +28,7 @@ impl Probe {
         }
         let from = slice.as_ptr() as usize;
         let maps = std::fs::read_to_string("/proc/self/maps").unwrap_or_default();
-        let place = file_of(&maps, from, from + size_of_val(slice));
+        let place = file_of(&maps, from, from.saturating_add(size_of_val(slice)));
         tracing::info!(frame = index, "{what} {PROBED} {}", place.unwrap_or("memory of its own"));
     }
 }
@@ -41,7 +41,7 @@ fn file_of(maps: &str, from: usize, to: usize) -> Option<&str> {
         let (begin, end) = range.split_once('-')?;
         let number = |text| usize::from_str_radix(text, 16).ok();
         let holds = number(begin)? <= from && to <= number(end)?;
-        holds.then(|| rest.find('/').map(|at| &rest[at..]))?
+        holds.then(|| rest.find('/').and_then(|at| rest.get(at..)))?
     })
 }
 

@@ -1,4 +1,8 @@
 //! Signs of life: what a stage is doing and has done, for the supervisor and for `status`.
+#![cfg_attr(
+    not(test),
+    expect(clippy::arithmetic_side_effects, reason = "counts of 64 bits, each of one process")
+)]
 
 use crate::clock::{cpu_nanos, monotonic_nanos};
 use crate::context::StageContext;
@@ -58,8 +62,7 @@ impl Pulse {
             ..Beat::default()
         };
         let version = env!("CARGO_PKG_VERSION").as_bytes();
-        let n = version.len().min(beat.version.len());
-        beat.version[..n].copy_from_slice(&version[..n]);
+        beat.version.iter_mut().zip(version).for_each(|(to, from)| *to = *from);
         let histogram = || {
             // Up to 1000 s, which is more than anything may take; two digits.
             Histogram::new_with_bounds(1, 1_000_000_000_000, 2)

@@ -54,7 +54,7 @@ impl Stopwatch {
 
     /// Nanoseconds in each step, by [`Step::number`], since this was last asked.
     pub fn take(&self) -> [u64; N_STEPS] {
-        std::array::from_fn(|step| self.nanos[step].swap(0, Ordering::Relaxed))
+        self.nanos.each_ref().map(|nanos| nanos.swap(0, Ordering::Relaxed))
     }
 
     /// The spans since this was last asked.
@@ -121,7 +121,7 @@ impl Distributions {
     }
 
     fn record(&mut self, row: usize, nanos: u64) {
-        let row = &mut self.rows[row];
+        let Some(row) = self.rows.get_mut(row) else { return };
         if row.is_none() {
             *row = histogram().ok().map(|histogram| Box::new(Distribution { histogram, sum: 0 }));
         }
@@ -133,7 +133,7 @@ impl Distributions {
 
     /// The rows as they are published.
     pub fn rows(&self) -> [TimeRow; tessera_messages::TIME_ROWS] {
-        std::array::from_fn(|place| self.rows[place].as_ref().map_or(TimeRow::default(), |row| row.summary()))
+        self.rows.each_ref().map(|row| row.as_ref().map_or(TimeRow::default(), |row| row.summary()))
     }
 }
 

@@ -64,7 +64,7 @@ impl Tally {
             restarts: past.restarts,
             frames: past.frames + beat.frames,
             dropped: past.dropped + beat.dropped,
-            cpu_nanos: past.cpu_nanos + beat.cpu_nanos,
+            cpu_nanos: past.cpu_nanos.saturating_add(beat.cpu_nanos),
             peak_rss_bytes: past.peak_rss_bytes.max(beat.peak_rss_bytes),
             latency: merge(past.latency, beat.latency),
             end_to_end: merge(past.end_to_end, beat.end_to_end),

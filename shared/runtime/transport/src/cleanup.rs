@@ -31,12 +31,12 @@ pub(crate) fn clean_dead_nodes(config: &Config, identity: &RunIdentity) -> Clean
     for node in dead {
         let id = node.id().value().to_string();
         if node.blocking_remove_stale_resources(Duration::from_millis(500)).is_ok() {
-            cleaned.nodes += 1;
+            cleaned.nodes = cleaned.nodes.saturating_add(1);
         } else {
             // Killed while it made a service or port: a tag stays in its folder, and iceoryx2
             // 0.10 then fails for ever. Its process is gone, so these files are needed no more.
             remove_node_files(&identity.root, &id);
-            cleaned.forced += 1;
+            cleaned.forced = cleaned.forced.saturating_add(1);
         }
     }
     cleaned
@@ -84,11 +84,14 @@ pub(crate) fn make_private(identity: &RunIdentity) -> Result<(), TransportError>
 /// How long a stage that was started by a supervisor as that died may make files, until it notices.
 const ORPHAN_PATIENCE: Duration = Duration::from_secs(5);
 
-/// Removes all that a run has in shared memory and in the private folder, dead or alive.
+/// Removes all that a run has in shared memory and in the private folder, dead or alive. Its configuration goes
+/// first: a process that makes a node meanwhile sees that, and removes what it made.
 ///
 /// # Errors
 /// Where something is there and cannot be removed.
 pub fn remove_everything(identity: &RunIdentity) -> Result<(), TransportError> {
+    ignore_absent(std::fs::remove_file(&identity.config_file))
+        .map_err(TransportError::io("remove", &identity.config_file))?;
     let began = Instant::now();
     loop {
         for path in shared_memory_files(identity) {
@@ -98,14 +101,9 @@ pub fn remove_everything(identity: &RunIdentity) -> Result<(), TransportError> {
             Err(error) if is_written_to(&error) && began.elapsed() < ORPHAN_PATIENCE => {
                 std::thread::sleep(Duration::from_millis(10));
             }
-            result => {
-                result.map_err(TransportError::io("remove", &identity.root))?;
-                break;
-            }
+            result => return result.map_err(TransportError::io("remove", &identity.root)),
         }
     }
-    ignore_absent(std::fs::remove_file(&identity.config_file))
-        .map_err(TransportError::io("remove", &identity.config_file))
 }
 
 /// Whether something was made in a folder while it was emptied.

@@ -5,7 +5,7 @@ use crate::error::TransportError;
 use crate::identity::RunIdentity;
 use crate::layout::Layout;
 use crate::messages::Subscriber;
-use crate::node::open_node;
+use crate::node::{VisitedRun, open_node};
 use crate::patience::{patiently, service_name};
 use crate::reach::ServiceReach;
 use crate::reader::ReaderPort;
@@ -26,6 +26,8 @@ const POSES: &str = "poses";
 pub struct Guest {
     node: Node<ipc::Service>,
     config: Config,
+    /// Dropped last.
+    _run: VisitedRun,
 }
 
 impl Guest {
@@ -34,8 +36,8 @@ impl Guest {
     /// # Errors
     /// Where the run's configuration is missing or no node can be made.
     pub fn open(identity: &RunIdentity, name: &str) -> Result<Self, TransportError> {
-        let (node, config) = open_node(identity, name)?;
-        Ok(Self { node, config })
+        let (node, config, run) = open_node(identity, name)?;
+        Ok(Self { node, config, _run: run })
     }
 
     /// Writes images of at most that size; `None` where the run has not made the service (yet).
@@ -129,10 +131,32 @@ impl Guest {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cleanup::shared_memory_files;
     use crate::link::Link;
     use crate::registry::RunClaim;
     use tessera_messages::FrameShape;
     use tessera_surface::Grid;
+
+    #[test]
+    fn a_guest_of_a_run_that_is_gone_leaves_nothing() {
+        let dir = tempfile::tempdir().unwrap();
+        let claim = RunClaim::take(&format!("test-left-{}", std::process::id()), dir.path()).unwrap();
+        let identity = claim.entry.identity.clone();
+        let config = std::fs::read(&identity.config_file).unwrap();
+        let guest = Guest::open(&identity, "guest").unwrap();
+        claim.release().unwrap();
+        drop(guest);
+        assert_eq!(shared_memory_files(&identity), Vec::<std::path::PathBuf>::new());
+        // The run was over before its node was made, and its configuration goes while the guest is there.
+        std::fs::create_dir_all(identity.config_file.parent().unwrap()).unwrap();
+        std::fs::write(&identity.config_file, config).unwrap();
+        let guest = Guest::open(&identity, "guest").unwrap();
+        assert!(!shared_memory_files(&identity).is_empty());
+        std::fs::remove_file(&identity.config_file).unwrap();
+        drop(guest);
+        assert_eq!(shared_memory_files(&identity), Vec::<std::path::PathBuf>::new());
+        assert!(!identity.root.exists());
+    }
 
     #[test]
     fn a_guest_opens_what_is_made_and_creates_nothing() {

@@ -61,6 +61,11 @@ impl RunIdentity {
         std::fs::write(&self.config_file, text).map_err(TransportError::io("write", &self.config_file))
     }
 
+    /// Whether the run has not been cleared away: its configuration is the first that goes.
+    pub(crate) fn is_there(&self) -> bool {
+        self.config_file.exists()
+    }
+
     /// Loads the run's configuration, also as the global one: where iceoryx2 falls back to that,
     /// it must find this run and no other.
     pub(crate) fn load(&self) -> Result<Config, TransportError> {
@@ -140,7 +145,7 @@ fn random_word(base: &Path) -> Result<String, TransportError> {
         .and_then(|mut file| file.read_exact(&mut bytes))
         .map_err(TransportError::io("read random bytes for", base))?;
     const LETTERS: &[u8; 32] = b"abcdefghijkmnopqrstuvwxyz2345678";
-    Ok(bytes.map(|byte| char::from(LETTERS[usize::from(byte % 32)])).iter().collect())
+    Ok(bytes.iter().filter_map(|byte| LETTERS.get(usize::from(byte % 32))).copied().map(char::from).collect())
 }
 
 #[cfg(test)]

@@ -1,4 +1,11 @@
 //! The table of all services: how many may connect, how much is queued, what a late reader gets.
+#![cfg_attr(
+    not(test),
+    expect(
+        clippy::arithmetic_side_effects,
+        reason = "sizes of checked settings and of a checked camera, 32 bits each"
+    )
+)]
 
 use tessera_messages::{
     CameraFrame, Element, FrameHeader, FrameShape, MAX_FEATURES, Message, Stage, SurfaceHeader,

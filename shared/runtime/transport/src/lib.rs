@@ -5,6 +5,15 @@
 //! place by its consumer ([`Received`]). Every data service overflows rather than blocks: the
 //! window of the flow is what keeps anything from being lost, never a blocked send.
 #![deny(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 mod cleanup;
 mod error;

@@ -5,7 +5,7 @@ use crate::error::TransportError;
 use crate::identity::RunIdentity;
 use crate::layout::{Layout, Service, slice_type};
 use crate::messages::{Publisher, Subscriber};
-use crate::node::open_node;
+use crate::node::{VisitedRun, open_node};
 use crate::patience::{patiently, service_name};
 use crate::reach::ServiceReach;
 use crate::reader::ReaderPort;
@@ -29,6 +29,8 @@ pub struct Link {
     config: Config,
     identity: RunIdentity,
     pub(crate) layout: Layout,
+    /// Dropped last.
+    _run: VisitedRun,
 }
 
 type SliceService<H, E> = PortFactory<ipc::Service, [WireElement<E>], Wire<H>>;
@@ -96,8 +98,8 @@ impl Link {
     /// # Errors
     /// Where the run's configuration is missing or no node can be made.
     pub fn open(identity: &RunIdentity, layout: &Layout, name: &str) -> Result<Self, TransportError> {
-        let (node, config) = open_node(identity, name)?;
-        Ok(Self { node, config, identity: identity.clone(), layout: *layout })
+        let (node, config, run) = open_node(identity, name)?;
+        Ok(Self { node, config, identity: identity.clone(), layout: *layout, _run: run })
     }
 
     /// The sizes of this run's services.

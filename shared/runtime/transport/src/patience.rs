@@ -22,11 +22,10 @@ pub(crate) fn patiently<T, E: std::fmt::Debug>(
     mut attempt: impl FnMut() -> Result<T, E>,
 ) -> Result<T, TransportError> {
     let began = Instant::now();
-    let deadline = began + PATIENCE;
     loop {
         match attempt() {
             Ok(made) => return Ok(made),
-            Err(error) if Instant::now() > deadline => {
+            Err(error) if began.elapsed() > PATIENCE => {
                 return Err(TransportError::Open { what: what.into(), reason: format!("{error:?}") });
             }
             Err(_) => {

@@ -35,7 +35,7 @@ pub fn shared_memory_in_use(identity: &RunIdentity) -> u64 {
     shared_memory_files(identity)
         .iter()
         .filter_map(|path| std::fs::metadata(path).ok())
-        .map(|meta| meta.blocks() * 512)
+        .map(|meta| meta.blocks().saturating_mul(512))
         .sum()
 }
 

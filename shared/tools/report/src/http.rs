@@ -1,4 +1,13 @@
 //! The little of HTTP that is needed to answer programs on this machine.
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 use std::io::{self, Read, Write};
 use std::net::TcpStream;
@@ -8,7 +17,7 @@ use std::time::{Duration, Instant};
 const TO_ASK: Duration = Duration::from_millis(500);
 /// Longest that it may take for the next part of the answer.
 const TO_READ: Duration = Duration::from_secs(2);
-/// Longest request that is read.
+/// Longest request that is read; the piece that goes beyond it is the last.
 const MOST_BYTES: usize = 4096;
 
 /// What is answered.
@@ -46,16 +55,15 @@ pub fn answer(mut stream: TcpStream, path: &str, make: impl FnOnce() -> Answer) 
 
 /// The head of a request, in whatever pieces it comes.
 fn read_request(stream: &mut TcpStream) -> io::Result<String> {
-    let until = Instant::now() + TO_ASK;
-    let mut request = [0; MOST_BYTES];
-    let mut n = 0;
-    while n < MOST_BYTES && !request[..n].ends_with(b"\r\n\r\n") && Instant::now() < until {
-        match stream.read(&mut request[n..])? {
-            0 => break,
-            more => n += more,
-        }
+    let began = Instant::now();
+    let mut request = Vec::new();
+    let mut piece = [0; MOST_BYTES];
+    while request.len() < MOST_BYTES && !request.ends_with(b"\r\n\r\n") && began.elapsed() < TO_ASK {
+        let n = stream.read(&mut piece)?;
+        let Some(read) = piece.get(..n).filter(|read| !read.is_empty()) else { break };
+        request.extend_from_slice(read);
     }
-    Ok(String::from_utf8_lossy(&request[..n]).into_owned())
+    Ok(String::from_utf8_lossy(&request).into_owned())
 }
 
 /// Whether the name that the request was made to, where it has one, is one of the loopback interface.

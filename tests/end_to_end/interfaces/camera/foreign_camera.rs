@@ -223,7 +223,7 @@ fn a_camera() {
                 std::thread::sleep(Duration::from_millis(5));
             }
         }
-        // Frames, indices that were misread, a pause of the camera, and an end; all of it is sent until it
+        // Frames, indices and stamps that were misread, a pause of the camera, and an end; all of it is sent until it
         // was heard.
         "jumping" => {
             let pause = Duration::from_millis(20);
@@ -245,7 +245,14 @@ fn a_camera() {
             for (index, kind) in [(1 << 40, 0), (900_000, 0), (1 << 62, 1), (u64::MAX, 1), (u64::MAX, 0)] {
                 send_as(&mut publisher, first + 10, index, kind);
             }
+            // Stamps that were misread, each between others.
             for index in first + 10..first + 20 {
+                if let Some(stamp_nanos) = [i64::MAX, i64::MIN, 1 << 60].get((index - first - 10) as usize) {
+                    let mut loan = publisher.loaned(index, 0);
+                    loan.header_mut().stamp_nanos = *stamp_nanos;
+                    loan.send().unwrap();
+                    std::thread::sleep(pause);
+                }
                 send_as(&mut publisher, index, index, 0);
             }
             for index in first + AFTER_PAUSE..first + AFTER_PAUSE + 10 {

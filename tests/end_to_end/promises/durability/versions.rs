@@ -103,6 +103,25 @@ fn runs_of_each_version_are_whole_and_give_the_trajectory_that_they_gave() {
     }
 }
 
+/// A base keeps surfaces as they travelled, in a journal of their own, and has no store.
+#[test]
+fn a_copy_of_a_base_is_verified_without_a_store() {
+    let copy = copy(&current());
+    std::fs::remove_file(copy.path().join("keyframes.store")).unwrap();
+    assert_eq!(tessera(&["verify"], copy.path()).status.code(), Some(3), "neither store nor surfaces");
+    // What its records hold is not asked for: those of another journal stand in for surfaces.
+    let surfaces = copy.path().join("surfaces.journal");
+    std::fs::copy(copy.path().join("align.journal"), &surfaces).unwrap();
+    let verified = tessera(&["verify"], copy.path());
+    assert!(verified.status.success() && words(&verified).contains("surfaces as they travel"));
+    let mut bytes = std::fs::read(&surfaces).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(&surfaces, bytes).unwrap();
+    let verified = tessera(&["verify"], copy.path());
+    assert_eq!(verified.status.code(), Some(3), "{}", words(&verified));
+}
+
 #[test]
 fn a_run_starts_in_the_map_of_each_version() {
     for map in runs() {

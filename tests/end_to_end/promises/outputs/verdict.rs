@@ -122,6 +122,32 @@ fn all_that_is_told_of_a_run_is_one_verdict() {
     }
 }
 
+/// Broken and black images, and one frame alone.
+#[test]
+fn reasons_of_each_kind_are_told_alike() {
+    let spoilt = tempfile::tempdir().unwrap();
+    recording(spoilt.path(), 1.0);
+    let image = |kind: &str, index: u64| spoilt.path().join(format!("{kind}/{index}.png"));
+    (20..24).for_each(|index| std::fs::write(image("depth", index), "no image").unwrap());
+    std::fs::write(image("rgb", 40), "no image").unwrap();
+    let black = image::ImageBuffer::<image::Luma<u16>, _>::new(160, 120);
+    (60..75).for_each(|index| black.save(image("depth", index)).unwrap());
+    let camera = spoilt.path().join("camera.toml");
+    let spoilt = room().frames(120).of(spoilt.path()).with(&["--camera", camera.to_str().unwrap()]);
+    let alone = room().frames(1);
+    let cases: [(&Run, &[&str]); 2] = [
+        (&spoilt, &["missing or broken image", "went without their colour image", "hold too little depth"]),
+        (&alone, &["one frame alone was processed"]),
+    ];
+    for (run, expected) in cases {
+        let (grade, reasons) = told(run, &strictly(run), "done");
+        assert_eq!(grade, "doubtful", "{reasons:?}");
+        for words in expected {
+            assert!(reasons.iter().any(|reason| reason.contains(words)), "{words}: {reasons:?}");
+        }
+    }
+}
+
 #[test]
 fn a_quiet_run_that_is_doubtful_has_words_for_its_exit_code() {
     let plain = ["--set", "mapping.features.enabled=false", "--set", "simulation.sensor=exact", "--strict"];
@@ -143,6 +169,8 @@ fn a_run_that_goes_on_is_not_called_unfinished() {
     let page = String::from_utf8(run.output("report.html")).unwrap();
     assert!(page.contains(">going on: good</span>"), "{}", &page[page.find("<header>").unwrap()..][..300]);
     assert!(!page.contains("tessera resume"));
+    let verified = run.tessera(&["verify"]);
+    assert!(verified.status.success(), "{}", String::from_utf8_lossy(&verified.stdout));
     signal(child.id(), "KILL");
     child.wait().unwrap();
     signal(stopped, "KILL");

@@ -1,6 +1,7 @@
 //! One run under the faults of a schedule, from its start to its end.
 
 use super::damage::{FileDamage, damage, forget_overwritten};
+use super::journaled::Journaled;
 use super::process::{n_open_files, rss_bytes, stage_pid, stage_pids, stages_in};
 use super::recovery::Hit;
 use super::schedule::{FaultKind, FaultSchedule, FaultTarget, Random, Strike};
@@ -55,7 +56,24 @@ pub(super) struct Disturbance {
     pub(super) n_refused_files: u64,
     /// Runs that ended because the disk took nothing more.
     pub(super) n_failed_syncs: u64,
+    pub(super) journaled: Journaled,
     pub(super) problems: Vec<String>,
+}
+
+impl Disturbance {
+    /// Looks whether all that was journaled is there still.
+    fn look(&mut self, trial: &Trial) {
+        let lost = self.journaled.look(&RunFiles::new(&trial.dir));
+        self.problems.extend(lost);
+    }
+
+    /// Damages a file of a run without processes, where the fault is of that kind.
+    fn damage(&mut self, trial: &Trial, kind: FaultKind, random: &mut Random) -> Option<FileDamage> {
+        let files = RunFiles::new(&trial.dir);
+        let damaged = kind.is_damage().then(|| damage(&files, kind, random)).flatten()?;
+        self.journaled.allow_torn_ends(&files);
+        Some(damaged)
+    }
 }
 
 /// How a process of the run ended by itself.
@@ -113,6 +131,7 @@ impl Disturber {
                     RunEnding::Refused => {
                         // Told by name, and nothing is cut; put back, the run goes on.
                         mend(&mut damages, &mut done)?;
+                        done.look(trial);
                         child = trial.start()?;
                         continue;
                     }
@@ -142,14 +161,22 @@ impl Disturber {
                     // The run goes on: what was damaged before was a torn end, or nothing that is needed.
                     damages.clear();
                 }
-                damages.extend(kill_supervisor(&mut child, &strike, trial, &mut random, &mut done)?);
+                kill_supervisor(&mut child, &strike, trial, &mut random, &mut done)?;
+                if damages.is_empty() {
+                    done.look(trial);
+                }
+                damages.extend(done.damage(trial, strike.kind, &mut random));
                 child = trial.start()?;
             } else {
+                if damages.is_empty() {
+                    done.look(trial);
+                }
                 strike_stages(child.id(), &strike, &mut random, &mut done);
             }
             sample(child.id(), &mut done);
         }
         trial.end_camera();
+        done.look(trial);
         done.wall_s = began.elapsed().as_secs_f64();
         Ok(done)
     }
@@ -205,7 +232,7 @@ fn kill_supervisor(
     trial: &mut Trial,
     random: &mut Random,
     done: &mut Disturbance,
-) -> Result<Option<FileDamage>, ToolError> {
+) -> Result<(), ToolError> {
     trial.remember();
     let is_group = planned.targets == [FaultTarget::Group];
     let stages = stage_pids(child.id());
@@ -232,8 +259,7 @@ fn kill_supervisor(
     let hits = stages.iter().filter(|(stage, _)| *stage == Stage::Align);
     let hits = hits.map(|&(stage, pid)| Hit { at_nanos, stage, pid }).collect();
     done.strikes.push(Struck { target: planned.targets[0], kind: planned.kind, at_nanos, hits });
-    let files = RunFiles::new(&trial.dir);
-    Ok(if planned.kind.is_damage() { damage(&files, planned.kind, random) } else { None })
+    Ok(())
 }
 
 /// Puts damaged files back, the last damage first.

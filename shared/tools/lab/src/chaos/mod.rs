@@ -8,6 +8,7 @@ mod campaign;
 mod damage;
 mod disturb;
 mod journal;
+mod journaled;
 mod leftovers;
 mod plan_file;
 mod process;

@@ -2,6 +2,7 @@
 
 use super::camera::{CameraProgram, CameraView};
 use super::leftovers;
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -99,7 +100,7 @@ impl Trial {
     }
 
     /// What is left in shared memory and private folders.
-    pub(super) fn leftovers(&self) -> Vec<(PathBuf, u64)> {
+    pub(super) fn leftovers(&self) -> BTreeMap<PathBuf, u64> {
         self.identities.iter().flat_map(|identity| leftovers::of_identity(identity, &self.name)).collect()
     }
 

@@ -40,7 +40,7 @@ pub(super) fn judge(
     let differing = trial.differing(&by.reference.dir);
     check(by.is_live || differing.is_empty(), format!("outputs differ: {}", differing.join(", ")));
     let left = trial.leftovers();
-    let left_paths: Vec<_> = left.iter().map(|(path, _)| path.clone()).collect();
+    let left_paths: Vec<_> = left.keys().cloned().collect();
     check(left.is_empty(), format!("left behind: {}", shown(&left_paths)));
     let undocumented = leftovers::undocumented(&trial.dir);
     check(undocumented.is_empty(), format!("files that no documentation names: {}", shown(&undocumented)));
@@ -71,7 +71,7 @@ pub(super) fn judge(
         records_dropped: log.matches(" are dropped: ").count() as u64,
         files_refused: done.n_refused_files,
         left_files: left.len() as u64,
-        left_bytes: left.iter().map(|(_, bytes)| bytes).sum(),
+        left_bytes: left.values().sum(),
         undocumented_files: undocumented.len() as u64,
         supervisor_growth_bytes: growth,
         supervisor_files_growth: files,

@@ -42,7 +42,7 @@ fn time(numbers: &[&str]) -> Option<i64> {
     }
     let since = ((days(year, month, day) * 24 + hours) * 60 + minutes) * 60 + seconds;
     let nanos: i64 = format!("{fraction:0<MOST_FRACTION$}").parse().ok()?;
-    Some(since * SECOND as i64 + nanos)
+    Some(since.saturating_mul(SECOND as i64).saturating_add(nanos))
 }
 
 /// Days since 1970 of the Gregorian calendar: years begin in March, so that a leap day is the last one.
