@@ -75,7 +75,8 @@ def copy_with_factors(folder, left_out):
     sources = folder / METHOD
     texts = {path: path.read_text() for path in sorted(sources.rglob("*.rs"))}
     declared = {p: [m for m in CONSTANT.finditer(t) if m[3] not in left_out] for p, t in texts.items()}
-    public = {m[3] for found in declared.values() for m in found if m[2]}
+    # Modules below see what a folder's own file has for itself.
+    public = {m[3] for path, found in declared.items() for m in found if m[2] or path.name == "mod.rs"}
     names = []
     for path, text in texts.items():
         own = {m[3] for m in declared[path]}
