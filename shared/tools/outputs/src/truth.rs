@@ -20,7 +20,7 @@ const LEAST_TURN_DEG: f64 = 1.0;
 /// and by less than this share of it in the other order.
 const TELLING_TURN: f64 = 0.2;
 
-/// What the ground truth says of lengths.
+/// A ground truth against the lengths and turns of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Truth {
     /// Factor on the estimate that fits best.

@@ -80,7 +80,7 @@ fn read(source: &FolderSource, index: u64) -> (u16, bool, u8) {
     (depth[n / 2], info.has_colour, colour[3 * (n / 2)])
 }
 
-fn said(source: &FolderSource, name: &str) -> String {
+fn described(source: &FolderSource, name: &str) -> String {
     source
         .description()
         .into_iter()
@@ -110,7 +110,7 @@ fn seven_scenes() {
         "{:?}",
         source.warnings()
     );
-    assert!(said(&source, "layout").starts_with("7-Scenes"));
+    assert!(described(&source, "layout").starts_with("7-Scenes"));
     assert_eq!(
         (source.camera().fx, source.camera().cx, source.camera().units_per_metre),
         (585.0, 320.0, 1000.0)
@@ -120,7 +120,7 @@ fn seven_scenes() {
     let truth = source.ground_truth().unwrap();
     assert_eq!((truth.len(), truth.poses[1].translation.x), (3, 0.25));
     assert!((truth.poses[1].rotation.angle() - std::f64::consts::PI).abs() < 1e-9);
-    assert!(said(&source, "times").contains("30 frames a second are assumed"));
+    assert!(described(&source, "times").contains("30 frames a second are assumed"));
     let slow = SourceOptions { fps: Some(10.0), ..SourceOptions::default() };
     assert_eq!(stamps(&FolderSource::open_with(&sequence, &slow).unwrap())[2], 200_000_000);
     let bad = SourceOptions { fps: Some(0.0), ..SourceOptions::default() };
@@ -208,7 +208,7 @@ fn redwood() {
     let source = folder.open();
     assert_eq!(stamps(&source), [0, 33_369_000, 66_700_000]);
     assert_eq!((source.pairing().n_pairs, source.pairing().largest_difference_nanos), (3, 5_000_000));
-    assert!(said(&source, "times").contains("microseconds in the names"));
+    assert!(described(&source, "times").contains("microseconds in the names"));
 }
 
 #[test]
@@ -225,13 +225,13 @@ fn scannet() {
     folder.write("intrinsic/intrinsic_depth.txt", matrix(30.0, 15.5, 11.5));
     folder.write("intrinsic/intrinsic_color.txt", matrix(75.0, 40.0, 29.5));
     let source = folder.open();
-    assert!(said(&source, "layout").starts_with("ScanNet"));
+    assert!(described(&source, "layout").starts_with("ScanNet"));
     assert_eq!((source.camera().fx, source.camera().cx), (30.0, 15.5));
     assert_eq!(stamps(&source), [0, 333_333_333, 666_666_667]);
     assert_eq!(source.ground_truth().unwrap().len(), 2);
     let (depth, has_colour, value) = read(&source, 1);
     assert!(depth == 2000 && has_colour && value.abs_diff(120) < 4);
-    assert!(said(&source, "colour").contains("81x60 px, warped"), "{}", said(&source, "colour"));
+    assert!(described(&source, "colour").contains("81x60 px, warped"), "{}", described(&source, "colour"));
     fs::remove_file(folder.path().join("intrinsic/intrinsic_color.txt")).unwrap();
     let source = folder.open();
     assert!(source.warnings()[0].contains("colour is left out") && !read(&source, 1).1);
@@ -297,7 +297,7 @@ fn stray_scanner() {
     // Its images, written by that command.
     (0..2).for_each(|k| folder.colour(&format!("rgb/{k:06}.jpg"), (64, 48), 90 + k));
     let source = folder.open();
-    assert!(said(&source, "colour").contains("64x48 px, warped to depth by both cameras"));
+    assert!(described(&source, "colour").contains("64x48 px, warped to depth by both cameras"));
     assert_eq!(read(&source, 0), (1800, true, 90));
     let taken = source.colour_as_taken(1).unwrap().unwrap();
     assert_eq!((taken.camera.camera.fx, taken.rgb.len()), (48.0, 64 * 48 * 3));

@@ -14,7 +14,7 @@ fn depth_along_the_ray_becomes_depth() {
     source.read(0, &mut FrameBuffers { depth: &mut depth, colour: &mut colour }).unwrap();
     let length = source.camera().ray(0.0, 0.0).norm();
     assert_eq!(depth[0], (2000.0 / length).round() as u16);
-    assert!(said(&source, "depth").contains("distances along the ray"));
+    assert!(described(&source, "depth").contains("distances along the ray"));
 }
 
 #[test]
@@ -79,9 +79,9 @@ fn a_fisheye_is_taken_out_of_depth_and_of_the_colour_that_is_registered_to_it() 
     );
     let source = folder.open();
     assert!(
-        said(&source, "camera").ends_with("fisheye lens taken out of the images"),
+        described(&source, "camera").ends_with("fisheye lens taken out of the images"),
         "{}",
-        said(&source, "camera")
+        described(&source, "camera")
     );
     assert!(!source.camera().is_distorted());
     let (mut depth, mut colour) = (vec![0; 768], vec![0; 3 * 768]);

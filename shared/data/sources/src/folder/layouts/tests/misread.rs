@@ -101,7 +101,7 @@ fn the_depth_scale_and_rate_of_open3d_are_used() {
     let source = folder.open();
     assert_eq!(source.camera().units_per_metre, 4000.0);
     assert_eq!(stamps(&source)[59], 3_933_333_333);
-    assert!(said(&source, "times").contains("15 frames a second, as the camera file states"));
+    assert!(described(&source, "times").contains("15 frames a second, as the camera file states"));
     // Metres a unit, as librealsense has them, and in a file of its own.
     folder.write("intrinsic.json", format!("{{{INTRINSIC}}}"));
     folder.write("config.json", r#"{"depth_factor": 0.00025, "name": "x"}"#);
@@ -367,7 +367,7 @@ fn transforms_of_nerfstudio_have_camera_times_and_poses() {
     let camera = r#""fl_x": 60, "fl_y": 62, "cx": 32, "cy": 24, "w": 64, "h": 48, "integer_depth_scale": 0.000152590218966964"#;
     folder.write("transforms.json", format!("{{{camera}, \"frames\": [{}]}}", frames.join(", ")));
     let source = folder.open();
-    assert!(said(&source, "layout").starts_with("nerfstudio"), "{}", said(&source, "layout"));
+    assert!(described(&source, "layout").starts_with("nerfstudio"), "{}", described(&source, "layout"));
     let camera = source.camera();
     assert_eq!((camera.fx, camera.fy, camera.cx, camera.cy), (30.0, 31.0, 15.5, 11.5));
     assert!((camera.units_per_metre - 6553.5).abs() < 1e-6, "{}", camera.units_per_metre);

@@ -39,7 +39,7 @@ fn depth_confidence_colour_and_poses_are_read() {
     for at in ["keyframes/", ""] {
         let folder = capture(at);
         let source = folder.open();
-        assert_eq!(said(&source, "layout"), NAME);
+        assert_eq!(described(&source, "layout"), NAME);
         let camera = source.camera();
         assert_eq!((camera.fx, camera.fy, camera.cx, camera.cy), (31.0, 30.0, 15.5, 12.0));
         assert_eq!(camera.units_per_metre, 1000.0);
@@ -48,7 +48,7 @@ fn depth_confidence_colour_and_poses_are_read() {
         let (mut depth, mut colour) = (vec![9; n], vec![9; 3 * n]);
         let info = source.read(1, &mut FrameBuffers { depth: &mut depth, colour: &mut colour }).unwrap();
         assert_eq!(depth[..6], [0, 1801, 1801, 0, 1801, 1801], "low confidence is no depth");
-        assert!(info.has_colour && said(&source, "colour").contains("64x48 px, warped to depth"));
+        assert!(info.has_colour && described(&source, "colour").contains("64x48 px, warped to depth"));
         let truth = source.ground_truth().unwrap();
         // Forward is the other side of backward.
         let forward = truth.poses[1].rotation * nalgebra::Vector3::z();
@@ -70,7 +70,7 @@ fn optimised_poses_are_the_ones_compared_with() {
     // Of undistorted images another camera is true than of depth.
     assert_eq!((source.camera().fx, read(&source, 0).2), (31.0, 90));
     assert_eq!(source.ground_truth().unwrap().poses[0].translation.x, 0.5);
-    assert!(said(&source, "ground truth of").contains("corrected_cameras"));
+    assert!(described(&source, "ground truth of").contains("corrected_cameras"));
     // Where the others are gone they are what there is.
     for gone in ["cameras", "images"] {
         fs::remove_dir_all(folder.path().join("keyframes").join(gone)).unwrap();

@@ -57,7 +57,7 @@ fn a_list_of_pairs_is_known_by_its_lines_whatever_its_name() {
     folder.write("rgbd_assoc.txt", &list);
     let source = folder.open();
     assert_eq!(stamps(&source), [250_000_000, 1_250_000_000, 2_250_000_000]);
-    assert_eq!((said(&source, "list"), source.pairing().n_pairs), ("rgbd_assoc.txt".to_owned(), 3));
+    assert_eq!((described(&source, "list"), source.pairing().n_pairs), ("rgbd_assoc.txt".to_owned(), 3));
 }
 
 #[test]
@@ -111,7 +111,7 @@ fn a_video_beside_depth_is_its_colour_where_they_are_as_many() {
     folder.depth_of("depth/4.png", (64, 48), 1500);
     let source = folder.open();
     assert_eq!((source.warnings(), source.pairing().n_pairs), (&[][..], 5));
-    assert!(said(&source, "video").starts_with("rgb.mp4, a frame for each depth image"));
+    assert!(described(&source, "video").starts_with("rgb.mp4, a frame for each depth image"));
     let frames = [0, 1].map(|index| read(&source, index));
     assert!(frames.iter().all(|frame| frame.1) && frames[0].2 != frames[1].2, "{frames:?}");
     folder.write("rgb.mp4", "no video");

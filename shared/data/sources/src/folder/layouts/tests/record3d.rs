@@ -59,13 +59,13 @@ fn depth_confidence_colour_and_poses_are_read() {
     );
     let folder = recording(&more);
     let source = folder.open();
-    assert!(said(&source, "layout").starts_with("Record3D"));
+    assert!(described(&source, "layout").starts_with("Record3D"));
     let camera = source.camera();
     assert_eq!((camera.width, camera.height, camera.units_per_metre), (32, 32, UNITS_PER_METRE));
     assert_eq!((camera.fx, camera.fy, camera.cx, camera.cy), (30.5, 30.5, 16.5, 15.5), "median, halved");
     // The third does not rise.
     assert_eq!(stamps(&source), [7_500_000_000, 7_600_000_000, 8_000_000_000]);
-    assert!(said(&source, "times").contains("frameTimestamps"));
+    assert!(described(&source, "times").contains("frameTimestamps"));
     let warnings = source.warnings().join("\n");
     assert!(warnings.contains("focal length changes by 6.6 %"), "{warnings}");
     assert!(warnings.contains("1 depth images have no time of their own"), "{warnings}");
@@ -77,7 +77,7 @@ fn depth_confidence_colour_and_poses_are_read() {
         let is_seen = column / 8 % 3 > 0 && units > 0.0 && units < 65535.0;
         assert_eq!(f64::from(*raw), if is_seen { units } else { 0.0 }, "column {column}, row {row}");
     }
-    assert!(said(&source, "colour").contains("64x64 px, warped"), "{}", said(&source, "colour"));
+    assert!(described(&source, "colour").contains("64x64 px, warped"), "{}", described(&source, "colour"));
     assert!(colour.iter().all(|value| value.abs_diff(90) < 4));
 
     // ARKit's camera looks along -z with y up: half a turn about x away from ours.
@@ -86,7 +86,7 @@ fn depth_confidence_colour_and_poses_are_read() {
     let forward = |at: usize| truth.poses[at].rotation * nalgebra::Vector3::z();
     assert!((forward(0) + nalgebra::Vector3::z()).norm() < 1e-12 && truth.poses[0].translation.x == 0.5);
     assert!((forward(1) + nalgebra::Vector3::x()).norm() < 1e-12 && truth.poses[1].translation.y == 0.25);
-    assert!(said(&source, "ground truth of").contains("an estimate too"));
+    assert!(described(&source, "ground truth of").contains("an estimate too"));
 }
 
 /// A folder's files as the `.r3d` that it was unpacked from.
@@ -268,7 +268,7 @@ fn an_export_with_depth_as_openexr_is_read() {
     let source = folder.open();
     let camera = source.camera();
     assert_eq!((camera.width, camera.height, camera.fx, camera.cx), (32, 32, 31.0, 16.5));
-    assert_eq!((stamps(&source)[1], said(&source, "layout")), (1_020_000_000, NAME.to_owned()));
+    assert_eq!((stamps(&source)[1], described(&source, "layout")), (1_020_000_000, NAME.to_owned()));
     let (depth, colour) = images(&source, 2).unwrap();
     assert!(depth.iter().all(|raw| *raw == 7500) && colour[0].abs_diff(90) < 4);
     assert!(source.warnings().is_empty() && source.ground_truth().is_some() && source.inspect(1).is_ok());

@@ -52,7 +52,7 @@ fn milliseconds_with_a_fraction_are_times() {
     let folder = named("color", |_, t| format!("x_Depth_{}.{:011}", t / 1_000_000, t % 1_000_000 * 100_000));
     let source = folder.open();
     assert_eq!(stamps(&source)[1] - stamps(&source)[0], 33_333_333);
-    assert!(said(&source, "times").starts_with("milliseconds"), "{}", said(&source, "times"));
+    assert!(described(&source, "times").starts_with("milliseconds"), "{}", described(&source, "times"));
 }
 
 #[test]
