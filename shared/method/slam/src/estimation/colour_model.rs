@@ -109,15 +109,11 @@ const FIRST_RESIDUAL_PX: f64 = 4.0;
 pub(crate) const LEAST_RESIDUAL_PX: f64 = 0.5;
 /// One of so many frames is audited, once the first were, and so many audits are in the running mean.
 pub(crate) const AUDITED_EVERY: u64 = 8;
-/// Frames in which colour is on probation.
-const PROBATION_FRAMES: u32 = 2;
 /// Standard deviations of lag and ratio before anything is measured: exposures start within a frame of 33 ms,
 /// and fields of view of the two lenses differ by some tenths.
 const PRIOR_SIGMAS: [f64; 2] = [0.03, 0.1];
 /// Standard deviations of what a camera file states: on two recordings of one camera the lag differs by 2 ms.
 pub(crate) const STATED_SIGMAS: [f64; 2] = [0.003, 0.005];
-/// Standard deviations below which it may well be zero: one in 100.
-const DOUBTED_SIGMAS: f64 = 2.6;
 
 /// Colour model and its trust, estimated from all frames so far.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -225,11 +221,12 @@ impl ColourState {
         self.decide();
     }
 
-    /// Takes a frame's equation of the readout in; what is applied changes where it is wrong but for one in 100.
+    /// Takes a frame's equation of the readout in; what is applied changes where it is off by more than a
+    /// standard deviation.
     fn apply_readout(&mut self, record: &ReadoutRecord) {
         self.readout.apply(record, FORGETTING);
         let [value, sigma] = self.readout.estimate();
-        if (value - self.model.readout_s).abs() > DOUBTED_SIGMAS * sigma {
+        if (value - self.model.readout_s).abs() > sigma {
             self.model.readout_s = value;
         }
     }
@@ -242,12 +239,6 @@ impl ColourState {
     /// Whether features may lead: otherwise colour is of another time or another scene.
     pub fn is_trusted(&self) -> bool {
         self.is_trusted
-    }
-
-    /// Whether features are no start where the surfaces suffice: too few frames were judged, and colour
-    /// of another scene that leads takes weak surfaces along and is found out late.
-    pub(crate) fn is_on_probation(&self) -> bool {
-        self.is_trusted() && self.n_frames < PROBATION_FRAMES
     }
 
     /// Covariance of lag and ratio before anything is measured: how far a camera's own colour may lie from its depth.
@@ -279,7 +270,7 @@ impl ColourState {
 /// Value of a parameter to apply: it changes when it must, not with each keyframe.
 fn chosen([value, sigma]: [f64; 2], applied: f64) -> f64 {
     // Of one dimension it is one in 470,000 that is zero.
-    let certain = if applied == 0.0 { CHI_SQUARE_6.sqrt() } else { DOUBTED_SIGMAS };
+    let certain = if applied == 0.0 { CHI_SQUARE_6.sqrt() } else { 1.0 };
     match value.abs() > certain * sigma {
         true if applied != 0.0 && (value - applied).abs() < sigma => applied,
         true => value,

@@ -9,13 +9,11 @@
 //! ```
 
 use crate::estimation::colour_model::STATED_SIGMAS;
+use crate::estimation::motion_filter::FRAME_S;
 use crate::estimation::student::ONE_AXIS;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::{Matrix6, Vector6};
 use tessera_registration::ReadoutSums;
-
-/// Standard deviation before anything is measured, seconds: from nothing to a frame of 33 ms, evenly.
-const PRIOR_SIGMA_S: f64 = 0.019;
 
 /// A frame's normal equation of the readout, about 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -50,7 +48,8 @@ pub(crate) struct ReadoutState(ReadoutRecord);
 impl ReadoutState {
     /// Before the first frame, of a camera file.
     pub(crate) fn stated(readout_s: f64) -> Self {
-        let information = prior(if readout_s == 0.0 { PRIOR_SIGMA_S } else { STATED_SIGMAS[0] });
+        let stated = || 1.0 / (STATED_SIGMAS[0] * STATED_SIGMAS[0]);
+        let information = if readout_s == 0.0 { unknown() } else { stated() };
         Self(ReadoutRecord { information, gradient: information * readout_s })
     }
 
@@ -65,8 +64,7 @@ impl ReadoutState {
         let squared = (own - value).powi(2) / (1.0 / record.information + sigma * sigma);
         let weight = ONE_AXIS.consistent_weight(squared);
         let Self(sum) = self;
-        sum.information +=
-            forgetting * (prior(PRIOR_SIGMA_S) - sum.information) + weight * record.information;
+        sum.information += forgetting * (unknown() - sum.information) + weight * record.information;
         sum.gradient += weight * record.gradient - forgetting * sum.gradient;
     }
 
@@ -76,8 +74,9 @@ impl ReadoutState {
     }
 }
 
-fn prior(sigma_s: f64) -> f64 {
-    1.0 / (sigma_s * sigma_s)
+/// Information of a readout of which nothing is known, 1/s^2: from nothing to the time of a frame, evenly, about 0.
+fn unknown() -> f64 {
+    3.0 / (FRAME_S * FRAME_S)
 }
 
 #[cfg(test)]

@@ -12,7 +12,7 @@ use crate::map::keyframe::KeyframeState;
 use crate::map::surfaces::KeyframeSurfaces;
 use crate::pairs::keyframe_pair::MIN_FEATURES;
 use crate::pairs::matchable::Matchable;
-use crate::pairs::matching::{PairFinder, Reach};
+use crate::pairs::matching::{LEAST_OF_POSE, PairFinder, Reach};
 use crate::pairs::pair_alignment::PairAlignment;
 use crate::pairs::residuals;
 use crate::pairs::verification::{FORWARD, N_QUERIES};
@@ -29,8 +29,6 @@ const SAME_VIEW_OVERLAP: f64 = 0.75;
 /// Overlap of views whose surfaces tell anything; half as many points do where they stand in free space, but a few at
 /// the edge of a view err together.
 const LEAST_OVERLAP: f64 = 0.4;
-/// Features that make a pose, as in [`PairFinder`].
-pub(crate) const LEAST_OF_POSE: usize = 12;
 
 /// What one aligned pair of views shows, each a share or a number.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -311,7 +309,7 @@ impl<'a> PlaceProbe<'a> {
         let surface = other.target(&vertices).surface;
         let n_expected = share * n_comparable(self.context, seen[0].observations, &surface, &at) as f64;
         let agree_near = || {
-            let near = self.finder.find(self.context, seen, &at, Reach::LOOP, seed);
+            let near = self.finder.find(self.context, seen, &at, Reach::NEAR, seed);
             near.is_some_and(|pair| makes_pose(&pair.inliers, &at))
         };
         let n_seen = seen.map(|side| side.features.len());

@@ -40,8 +40,6 @@ pub struct Context {
     pub(crate) motion_scale: [f64; 2],
     /// Whether features may lead.
     pub(crate) is_colour_trusted: bool,
-    /// Whether features may lead only where the surfaces lead nowhere.
-    pub(crate) is_colour_on_probation: bool,
     /// Observer of the steps of aligner and optimiser; none by default.
     pub steps: Steps,
 }
@@ -76,7 +74,6 @@ impl Context {
             scales: NoiseState::default().scales(),
             motion_scale: MotionState::default().scale(),
             is_colour_trusted: true,
-            is_colour_on_probation: false,
         }
     }
 
@@ -92,7 +89,6 @@ impl Context {
             own_colour: model,
             scales: noise.scales(),
             is_colour_trusted: colour.is_trusted(),
-            is_colour_on_probation: colour.is_on_probation(),
             ..self.clone()
         }
     }
@@ -101,13 +97,6 @@ impl Context {
     /// 0 where colour is not trusted.
     pub(crate) fn feature_weight(&self) -> f64 {
         if self.is_colour_trusted { self.scales.surfaces / self.scales.features } else { 0.0 }
-    }
-
-    /// The same without initial guesses from features.
-    pub(crate) fn without_guesses(&self) -> Self {
-        let mut context = self.clone();
-        context.mapping.features.gives_guess = false;
-        context
     }
 
     /// The same with colour registered to depth by this model.

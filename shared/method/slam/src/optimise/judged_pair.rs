@@ -7,7 +7,6 @@ use crate::optimise::known_pairs::KnownPair;
 use crate::optimise::of_track::is_of_track;
 use crate::pairs::keyframe_pair::MIN_FEATURES;
 use crate::pairs::match_cache::{MatchedPair, has_left};
-use crate::pairs::matching::Reach;
 use crate::pairs::verification::Tested;
 use crate::pairs::weighted_pair::FeaturePair;
 use std::sync::Arc;
@@ -75,8 +74,7 @@ impl<'a> Keyframes<'a> {
         if !matches!(verdict, LoopVerdict::Accepted | LoopVerdict::LittleOverlap) {
             return None;
         }
-        let reach = if known.is_loop { Reach::LOOP } else { Reach::KEYFRAMES };
-        let found = || self.shared(searcher, known.places, near, reach);
+        let found = || self.shared(searcher, known.places, near);
         let seen = known.seen.clone().unwrap_or_else(found);
         let [newer, older] = [known.places.0, known.places.1].map(|k| &self.keyframes[k]);
         seen.filter(|f| known.is_loop || is_of_track((newer, older), f, self.context.scales.features))

@@ -53,7 +53,6 @@ impl<'a> Keyframes<'a> {
         searcher: &mut PairSearcher<'a>,
         places: (usize, usize),
         near: &Pose,
-        reach: Reach,
     ) -> Option<Arc<FeaturePair>> {
         if !self.context.mapping.features.enabled {
             return None;
@@ -62,7 +61,7 @@ impl<'a> Keyframes<'a> {
         self.cache.shared(ids, guess, || {
             let sides = [places.0, places.1].map(|k| self.matchables.get(k).seen(self.context));
             let seed = u64::from(ids.0) << 32 | u64::from(ids.1);
-            let found = searcher.finder.find(self.context, sides, &guess.pose(), reach, seed);
+            let found = searcher.finder.find(self.context, sides, &guess.pose(), Reach::NEAR, seed);
             // Their sums are all that the graph needs.
             found.map(|pair| Arc::new(FeaturePair { inliers: Vec::new(), ..pair }))
         })

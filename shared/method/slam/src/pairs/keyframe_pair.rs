@@ -15,7 +15,7 @@ pub(crate) struct PairSearch<'a> {
 
 /// Features that agree on a pose, or matches of consecutive keyframes, from which on a pair counts however little its
 /// surfaces overlap.
-pub(crate) const MIN_FEATURES: u32 = 30;
+pub(crate) const MIN_FEATURES: u32 = 20;
 
 /// What a search found.
 #[derive(Clone, Copy, Debug)]

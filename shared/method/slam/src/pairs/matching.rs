@@ -10,6 +10,8 @@ use tessera_features::{
 };
 use tessera_geometry::Pose;
 
+/// Features that make a pose.
+pub(crate) const LEAST_OF_POSE: usize = 12;
 /// Depth taken for a feature without one where a match is predicted, metres.
 const USUAL_DEPTH_M: f64 = 2.0;
 
@@ -22,26 +24,17 @@ pub(crate) struct Seen<'a> {
     pub(crate) session: Option<u32>,
 }
 
-/// Search region of matches, and RANSAC effort.
+/// Search region of matches: within so many pixels of the predicted one, or anywhere.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Reach {
-    /// About the predicted pixel; anywhere without a prediction.
-    pub(crate) radius_px: Option<f64>,
-    /// RANSAC iterations at most, beside the guess itself.
-    pub(crate) max_iterations: u32,
-}
+pub(crate) struct Reach(Option<f64>);
 
 impl Reach {
-    /// About a motion prediction.
-    pub(crate) const PREDICTED: Self = Self { radius_px: Some(40.0), max_iterations: 100 };
+    /// About a predicted pose.
+    pub(crate) const NEAR: Self = Self(Some(45.0));
     /// Without one.
-    pub(crate) const ANYWHERE: Self = Self { radius_px: None, max_iterations: 100 };
+    pub(crate) const ANYWHERE: Self = Self(None);
     /// About a pose that other features agree on.
-    pub(crate) const KNOWN: Self = Self { radius_px: Some(16.0), max_iterations: 2 };
-    /// About the poses of two keyframes.
-    pub(crate) const KEYFRAMES: Self = Self { radius_px: Some(45.0), max_iterations: 50 };
-    /// About the poses of two keyframes between which drift has grown.
-    pub(crate) const LOOP: Self = Self { radius_px: Some(60.0), max_iterations: 50 };
+    pub(crate) const KNOWN: Self = Self(Some(16.0));
 }
 
 /// Buffers of matching and pose.
@@ -61,7 +54,12 @@ impl PairFinder {
             matching: MatchWorkspace::new(arch),
             pose: PoseWorkspace::new(arch),
             match_settings: MatchSettings::default(),
-            pose_settings: PoseSettings { min_inliers: 12, refine_iterations: 4, ..PoseSettings::default() },
+            pose_settings: PoseSettings {
+                min_inliers: LEAST_OF_POSE as u32,
+                max_iterations: 100,
+                refine_iterations: 4,
+                ..PoseSettings::default()
+            },
             gates: Vec::new(),
             correspondences: Vec::new(),
         }
@@ -77,15 +75,13 @@ impl PairFinder {
         reach: Reach,
         seed: u64,
     ) -> Option<FeaturePair> {
-        self.pose_settings.max_iterations = reach.max_iterations;
-        let least = self.pose_settings.min_inliers as usize;
-        if query.features.len() < least || target.features.len() < least {
+        if query.features.len().min(target.features.len()) < LEAST_OF_POSE {
             return None;
         }
         self.associate(context, [query, target], guess, reach);
         let correspondences = &self.correspondences;
         let guesses = [*guess];
-        let guesses = if reach.radius_px.is_some() { &guesses[..] } else { &[] };
+        let guesses = if reach.0.is_some() { &guesses[..] } else { &[] };
         let found = estimate_pose(correspondences, guesses, seed, &self.pose_settings, &mut self.pose)?;
         let inliers: Vec<Correspondence> =
             found.inliers.iter().map(|i| correspondences[*i as usize]).collect();
@@ -105,7 +101,7 @@ impl PairFinder {
     }
 
     fn associate(&mut self, context: &Context, [query, target]: [Seen<'_>; 2], guess: &Pose, reach: Reach) {
-        let gates = reach.radius_px.map(|radius_px| {
+        let gates = reach.0.map(|radius_px| {
             self.gates.clear();
             let context = target.session.map_or(Cow::Borrowed(context), |session| context.of(session));
             let arch = context.registration.isa.arch();

@@ -5,16 +5,13 @@ use crate::pairs::keyframe_pair::MIN_FEATURES;
 use crate::settings::WindowSettings;
 use crate::tracking::alignment::Alignment;
 
-/// Features that agree with a pose where little of the surface does, at least.
-pub(crate) const AGREEING: u32 = 20;
-
 /// Failure tests for a frame whose motion was predicted.
 pub(crate) fn tracking(w: &WindowSettings, a: &Alignment) -> Result<(), Cause> {
     if !a.is_solved {
         return Err(Cause::Unsolved);
     }
     let fit = best_fit(a);
-    if a.n_agreeing >= AGREEING && fit.in_front <= w.max_in_front {
+    if a.n_agreeing >= MIN_FEATURES && fit.in_front <= w.max_in_front {
         return Ok(());
     }
     let (share, sigmas) = (a.match_share(), a.residual_sigmas());

@@ -1,9 +1,9 @@
 //! Keyframes that look like a new one, wherever they lie: loops that drift hides from the poses.
 
-use crate::evidence::same_place::LEAST_OF_POSE;
 use crate::map::appearance::similarity;
 use crate::map::detection;
 use crate::map::state::KeyframeState;
+use crate::pairs::matching::LEAST_OF_POSE;
 use crate::tracking::input::{FrameSurface, TrackingInput};
 use crate::tracking::sight::Sight;
 

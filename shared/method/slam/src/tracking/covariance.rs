@@ -9,8 +9,8 @@ use crate::map::cause::MotionKind;
 use crate::map::context::Context;
 use crate::map::map_view::MapView;
 use crate::map::state::MOST_COASTED_S;
+use crate::pairs::keyframe_pair::MIN_FEATURES;
 use crate::settings::GlobalSettings;
-use crate::tracking::acceptance::AGREEING;
 use crate::tracking::alignment::Alignment;
 use crate::tracking::degeneracy::{DegenerateDirection, centroid};
 use crate::tracking::input::FrameSurface;
@@ -30,7 +30,7 @@ pub(crate) fn of_world(
     frame: &FrameSurface<'_>,
 ) -> Matrix6 {
     let a = &aligned.alignment;
-    let is_seen = a.n_agreeing >= AGREEING;
+    let is_seen = a.n_agreeing >= MIN_FEATURES;
     let is_good = |place: usize| {
         let [n_matches, n_queries] = [a.reports[place].n_matches, a.reports[place].n_queries].map(f64::from);
         is_seen || n_matches >= GlobalSettings::MIN_OVERLAP * n_queries

@@ -4,7 +4,6 @@
 //! What fits nowhere about the last pose is left to relocalisation.
 
 use crate::map::cause::Cause;
-use crate::settings::WindowSettings;
 use crate::tracking::acceptance;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
@@ -32,51 +31,9 @@ pub(crate) fn track(
     aligner: &mut Aligner,
     prediction: &Prediction,
 ) -> Result<WindowAlignment, Cause> {
-    if input.context.is_colour_on_probation {
-        let context = &input.context.without_guesses();
-        let found = track_from(&TrackingInput { context, ..*input }, aligner, prediction);
-        // Where surfaces leave a direction open, what is not known to be wrong is better than nothing.
-        if let Ok(found) = found
-            && found.alignment.degenerate.is_empty()
-        {
-            return Ok(once_more(input, aligner, prediction, found));
-        }
-    }
-    track_from(input, aligner, prediction)
-}
-
-/// Aligns a frame again from where it was found: its features have their full weight there.
-fn once_more(
-    input: &TrackingInput<'_>,
-    aligner: &mut Aligner,
-    prediction: &Prediction,
-    found: WindowAlignment,
-) -> WindowAlignment {
-    let window = &input.context.mapping.window;
-    let guess = Prediction {
-        world_from_camera: found.alignment.world_from_camera,
-        is_known: true,
-        first_distance_m: input.context.mapping.first_distance_m()[0],
-        outer_iterations: WindowSettings::REFINING_ITERATIONS,
-        ..*prediction
-    };
-    let again = align_to_window(input, aligner, &guess);
-    match acceptance::tracking(window, &again.alignment) {
-        Ok(()) => again,
-        Err(_) => found,
-    }
-}
-
-fn track_from(
-    input: &TrackingInput<'_>,
-    aligner: &mut Aligner,
-    prediction: &Prediction,
-) -> Result<WindowAlignment, Cause> {
     let (seen, rival) = match guess_from_features(input, aligner, prediction) {
         Some(FeatureStart::Better(guess)) => (Some(guess), None),
-        Some(FeatureStart::Rival(guess)) => {
-            (None, Some(guess).filter(|_| !input.context.is_colour_on_probation))
-        }
+        Some(FeatureStart::Rival(guess)) => (None, Some(guess)),
         Some(FeatureStart::Refused) => {
             aligner.sight.refuse_pairs();
             (None, None)

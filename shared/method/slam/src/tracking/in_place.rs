@@ -2,7 +2,7 @@
 
 use crate::map::detection;
 use crate::map::state::KeyframeState;
-use crate::tracking::acceptance::AGREEING;
+use crate::pairs::keyframe_pair::MIN_FEATURES;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::input::TrackingInput;
 use crate::tracking::window_alignment::WindowAlignment;
@@ -23,6 +23,6 @@ pub(crate) fn is_in_place(input: &TrackingInput<'_>, aligner: &Aligner, aligned:
     let world_from_camera = &aligned.alignment.world_from_camera;
     old_members(input, aligned).any(|old| {
         let at = Pose::from(&old.world_from_camera).inverse() * world_from_camera;
-        aligner.sight.n_agreeing_with((true, u64::from(old.id)), &at) >= AGREEING as usize
+        aligner.sight.n_agreeing_with((true, u64::from(old.id)), &at) >= MIN_FEATURES as usize
     })
 }

@@ -7,14 +7,14 @@
 //! Where relocalisation was asked for, the last pose is no candidate until a place is found.
 
 use crate::evidence::pose_agreement::FAR_VOLUME;
-use crate::evidence::same_place::LEAST_OF_POSE;
 use crate::evidence::sequential::{SequentialTest, TestVerdict};
 use crate::map::appearance::similarity;
 use crate::map::cause::{CandidatePlace, Cause};
 use crate::map::records::{FrameRecord, State};
 use crate::map::state::KeyframeState;
-use crate::pairs::matching::Reach;
-use crate::tracking::acceptance::{self, AGREEING};
+use crate::pairs::keyframe_pair::MIN_FEATURES;
+use crate::pairs::matching::{LEAST_OF_POSE, Reach};
+use crate::tracking::acceptance;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::found_place::{self, Shown};
 use crate::tracking::input::TrackingInput;
@@ -147,7 +147,7 @@ pub(crate) fn glimpse(
     is_worth_while: impl Fn(&Pose, u32) -> bool,
 ) -> Option<WindowAlignment> {
     let ids = recognised(input, aligner, keyframes);
-    let seen = candidates_by_features(input, aligner, &ids, AGREEING as usize);
+    let seen = candidates_by_features(input, aligner, &ids, MIN_FEATURES as usize);
     let best = seen.into_iter().find(|candidate| is_worth_while(&candidate.guess, candidate.submap))?;
     first_that_fits(input, aligner, vec![best]).map(|place| place.found)
 }

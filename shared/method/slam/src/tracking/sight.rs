@@ -289,7 +289,7 @@ impl Sight {
         reference: &Reference<'_>,
         target_from_query: &Pose,
     ) -> bool {
-        let found = self.find(context, reference, target_from_query, Reach::LOOP);
+        let found = self.find(context, reference, target_from_query, Reach::NEAR);
         found.is_some_and(|pair| same_place::makes_pose(&pair.inliers, target_from_query))
     }
 

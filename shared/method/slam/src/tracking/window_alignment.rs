@@ -19,8 +19,6 @@ use tessera_surface::SurfaceView;
 
 /// Samples by which poses are compared, and of a coarse alignment.
 pub(crate) const COARSE_SAMPLES: usize = 500;
-/// References of the coarse alignment.
-const COARSE_REFERENCES: usize = 2;
 
 /// An alignment with the window it was made in.
 #[derive(Clone, Debug)]
@@ -77,14 +75,14 @@ pub(crate) fn align_to(
     WindowAlignment { members, alignment, state, submap, causes, evidence_nats: 0.0 }
 }
 
-/// Aligns some samples to the two keyframes nearest to the initial guess, then all samples to the keyframes near the
+/// Aligns some samples to the keyframe nearest to the initial guess, then all samples to the keyframes near the
 /// result. `None` unless both pass the strict tests; with the fit of the second.
 pub(crate) fn align_coarse_to_fine(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
     guess: &Prediction,
 ) -> Option<(WindowAlignment, ReferenceFit)> {
-    let members = nearby_keyframes(input, &guess.world_from_camera, COARSE_REFERENCES);
+    let members = nearby_keyframes(input, &guess.world_from_camera, 1);
     if members.is_empty() {
         return None;
     }
