@@ -47,7 +47,9 @@ impl WindowAssociation<'_, '_> {
     pub(crate) fn readout(&self) -> Option<ReadoutRecord> {
         let (target, surfaces, (origin, _)) =
             (self.targets.last()?, self.surfaces.last()?, self.blocks.last()?);
-        if !self.context.cameras.is_empty() {
+        // The first frame of a track has no velocity yet: it would say that there is no readout.
+        let is_first = self.references.last()?.velocity == Twist::default();
+        if is_first || !self.context.cameras.is_empty() {
             return None;
         }
         let sums = self.matcher.readout_sums(self.queries, target, origin);
