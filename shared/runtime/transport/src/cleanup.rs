@@ -53,7 +53,7 @@ fn remove_node_files(root: &Path, id: &str) {
     }
 }
 
-pub(crate) fn entries(folder: &Path) -> Vec<PathBuf> {
+fn entries(folder: &Path) -> Vec<PathBuf> {
     std::fs::read_dir(folder)
         .map(|items| items.filter_map(|item| item.ok().map(|item| item.path())).collect())
         .unwrap_or_default()

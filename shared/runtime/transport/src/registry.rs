@@ -1,6 +1,6 @@
 //! Registry of this user's current runs, by name: one small file each, locked while it lives.
 
-use crate::cleanup::{entries, remove_everything};
+use crate::cleanup::remove_everything;
 use crate::error::TransportError;
 use crate::identity::{RunIdentity, existing_private_folder, private_folder};
 use rustix::fs::{FlockOperation, flock};
@@ -196,8 +196,11 @@ pub fn remove_unnamed() -> Result<(), TransportError> {
         return Ok(());
     };
     let mut named = BTreeSet::new();
+    let items = std::fs::read_dir(&base).and_then(|items| items.map(|item| Ok(item?.path())).collect());
+    // An entry that is overlooked would cost a living run its folder.
+    let Ok::<Vec<PathBuf>, _>(items) = items else { return Ok(()) };
     let (files, others): (Vec<_>, Vec<_>) =
-        entries(&base).into_iter().partition(|path| path.extension().is_some_and(|e| e == "run"));
+        items.into_iter().partition(|path| path.extension().is_some_and(|e| e == "run"));
     for path in files {
         let file = match File::open(&path) {
             Ok(file) => file,
