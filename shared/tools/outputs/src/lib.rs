@@ -33,6 +33,7 @@ mod statistics;
 mod stored;
 mod summary;
 #[cfg(any(test, feature = "test-run"))]
+#[expect(clippy::arithmetic_side_effects, clippy::indexing_slicing, reason = "runs made up for tests")]
 pub mod test_run;
 mod timeline;
 mod trajectories;
