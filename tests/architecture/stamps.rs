@@ -1,6 +1,32 @@
 //! Times of sensors come from outside, from both ends of their range: their differences saturate.
+//!
+//! They are plain `i64`, as records and messages hold them. In [`READERS`] any sum or difference of whole numbers is an
+//! error of clippy unless an exception states its reason; in all other crates a word that names nanoseconds is found
+//! here.
 
-use crate::{all_crates, code, is_for_developers};
+use crate::{all_crates, code, is_for_developers, root};
+use std::fs;
+
+/// Where bytes come in from outside.
+const READERS: [&str; 17] = [
+    "shared/data/evaluation/src/text/mod.rs",
+    "shared/data/frames/src/lib.rs",
+    "shared/data/recording/src/lib.rs",
+    "shared/data/sources/src/lib.rs",
+    "shared/runtime/journal/src/lib.rs",
+    "shared/runtime/messages/src/lib.rs",
+    "shared/runtime/settings/src/lib.rs",
+    "shared/runtime/stage/src/lib.rs",
+    "shared/runtime/supervisor/src/lib.rs",
+    "shared/runtime/transport/src/lib.rs",
+    "shared/tools/outputs/src/lib.rs",
+    "shared/tools/report/src/lib.rs",
+    "processes/align/src/inbox.rs",
+    "processes/reconstruct/src/feed.rs",
+    "processes/sensor/src/external/mod.rs",
+    "fleet/src/lib.rs",
+    "ros2/src/main.rs",
+];
 
 /// Operands of minus and plus in a line, as far as they are one word each.
 fn operands(line: &str) -> impl Iterator<Item = [&str; 2]> + '_ {
@@ -66,6 +92,16 @@ fn differences_of_stamps_saturate() {
         }
     }
     assert!(found.is_empty(), "expected saturating_sub or saturating_add: {found:#?}");
+}
+
+#[test]
+fn readers_of_bytes_from_outside_have_the_lints() {
+    let lints = ["unwrap_used", "indexing_slicing", "cast_possible_truncation", "arithmetic_side_effects"];
+    let lints = lints.map(|lint| format!("        clippy::{lint}")).join(",\n");
+    for reader in READERS {
+        let text = fs::read_to_string(root().join(reader)).unwrap();
+        assert!(text.contains(&format!("    not(test),\n    deny(\n{lints}\n    )\n")), "{reader}");
+    }
 }
 
 #[test]

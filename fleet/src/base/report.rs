@@ -8,7 +8,7 @@ use crate::map::summary::{JoinVerdict, JointSummary};
 use std::path::Path;
 use tessera_evaluation::read_tum;
 use tessera_outputs::html::{self, escaped};
-use tessera_report::{CYCLE, Chart, ChartForm, GREY, Series, whole_page};
+use tessera_report::{Chart, ChartForm, GREY, Series, cycled, whole_page};
 
 /// Its name.
 pub const REPORT_FILE: &str = "report.html";
@@ -139,7 +139,7 @@ fn maps(map: &JointSummary, robots: &[&str], ways: &[RunWay]) -> String {
 /// What is known of the robot that came as number `place`, in its colour.
 fn of_robot(place: usize, name: &str, points: Vec<(f64, f64)>, form: ChartForm) -> Series {
     let size = if form == ChartForm::Segments { 8.0 } else { 1.6 };
-    let colour = CYCLE.iter().cycle().nth(place).copied().unwrap_or(GREY);
+    let colour = cycled(place);
     Series { name: name.to_owned(), colour, points, size, form }
 }
 

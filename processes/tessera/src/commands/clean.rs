@@ -2,7 +2,7 @@
 
 use crate::exit::{CommandError, Exit};
 use crate::terminal::say;
-use tessera_transport::{RunClaim, TransportError, registered_runs};
+use tessera_transport::{RunClaim, TransportError, registered_runs, remove_unnamed};
 
 /// Cleans up after every run whose supervisor is gone; run folders stay as they are.
 pub(crate) fn clean() -> Result<Exit, CommandError> {
@@ -21,6 +21,7 @@ pub(crate) fn clean() -> Result<Exit, CommandError> {
             Err(error) => return Err(error.into()),
         }
     }
+    remove_unnamed()?;
     say(&format!("{n_cleaned} dead runs cleaned up, {} going on left alone", alive.len()));
     Ok(Exit::Done)
 }

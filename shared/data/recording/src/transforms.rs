@@ -95,7 +95,6 @@ fn pose(message: &ros::RosPose) -> Option<Pose> {
     is_pose.then(|| Pose::from_parts(Translation3::new(x, y, z), rotation))
 }
 
-#[expect(clippy::arithmetic_side_effects, reason = "matrices of floating-point numbers")]
 fn of_extrinsics(extrinsics: &ros::Extrinsics) -> Option<Pose> {
     let rotation = Matrix3::from_column_slice(&extrinsics.rotation);
     let [x, y, z] = extrinsics.translation;
@@ -107,7 +106,6 @@ fn of_extrinsics(extrinsics: &ros::Extrinsics) -> Option<Pose> {
 }
 
 /// `to_from_from` along the tree of `child: (parent, parent_from_child)`.
-#[expect(clippy::arithmetic_side_effects, reason = "poses of floating-point numbers")]
 fn between(parents: &BTreeMap<String, (String, Pose)>, from: &str, to: &str) -> Option<Pose> {
     let root = |frame: &str| {
         let (mut frame, mut root_from_frame) = (frame.to_owned(), Pose::identity());

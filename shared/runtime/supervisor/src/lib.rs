@@ -3,6 +3,15 @@
 //! It holds no state that a run needs: what has happened is in the run directory, and a killed
 //! supervisor is replaced by another one (`tessera resume`).
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 mod failure;
 mod hold;

@@ -50,10 +50,10 @@ pub(crate) struct History {
 impl History {
     /// Takes a death in and decides.
     pub(crate) fn judge(&mut self, death: &Death, settings: &StageSettings) -> RestartDecision {
-        self.without_progress = if death.had_progress { 0 } else { self.without_progress + 1 };
+        self.without_progress = if death.had_progress { 0 } else { self.without_progress.saturating_add(1) };
         if death.is_own {
             let before = self.poison.filter(|(index, _)| *index == death.index).map_or(0, |(_, n)| n);
-            self.poison = Some((death.index, before + 1));
+            self.poison = Some((death.index, before.saturating_add(1)));
         }
         self.memory.extend(death.is_memory.then_some(death.at));
         self.memory.retain(|at| death.at.saturating_duration_since(*at) <= MEMORY_WITHIN);
@@ -63,7 +63,7 @@ impl History {
         let longest = if death.is_own { LONGEST_PAUSE } else { LONGEST_PAUSE_AFTER_KILL };
         RestartDecision::Again(match self.without_progress {
             0 => Duration::ZERO,
-            n => (FIRST_PAUSE * 2u32.pow((n - 1).min(10))).min(longest),
+            n => FIRST_PAUSE.saturating_mul(1 << n.saturating_sub(1).min(10)).min(longest),
         })
     }
 

@@ -139,7 +139,7 @@ impl MapOnDisk {
             };
             keyframe.slot = store_slot(&slot.map_err(|e| wrong(&e))?);
         }
-        let n_keyframes = self.record.keyframes.len() as u32;
+        let n_keyframes = u32::try_from(self.record.keyframes.len()).unwrap_or(u32::MAX);
         let record = AlignRecord::Map(Box::new(self.record));
         let identity = MapIdentity { n_keyframes, crc: fingerprint(&record).map_err(|e| wrong(&e))? };
         if let Some(expected) = expected.filter(|expected| *expected != identity) {
@@ -193,7 +193,8 @@ fn refuse_if_going_on(files: &RunFiles, run: &RunFile) -> Result<(), String> {
 
 /// The cameras of the runs that made a map, by session; nothing where all are like `own`.
 fn cameras(run: &RunFile, state: &TrackerState, own: &Camera) -> Vec<Camera> {
-    let n_sessions = state.keyframes.iter().map(|k| k.session as usize + 1).max().unwrap_or(0);
+    let n_sessions =
+        state.keyframes.iter().map(|k| (k.session as usize).saturating_add(1)).max().unwrap_or(0);
     let of = |session: usize| run.map_cameras.get(session).unwrap_or(&run.camera).clone();
     let all: Vec<Camera> = (0..n_sessions.min(state.keyframes.len())).map(of).collect();
     let lens = |c: &Camera| ([c.fx, c.fy, c.cx, c.cy, c.depth_offset_m], c.distortion);

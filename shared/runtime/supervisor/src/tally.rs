@@ -49,7 +49,7 @@ impl Tally {
 
     /// A new life begins.
     pub(crate) fn count_restart(&mut self) {
-        self.past.restarts += 1;
+        self.past.restarts = self.past.restarts.saturating_add(1);
     }
 
     /// All lives together.
@@ -62,8 +62,8 @@ impl Tally {
         };
         Counters {
             restarts: past.restarts,
-            frames: past.frames + beat.frames,
-            dropped: past.dropped + beat.dropped,
+            frames: past.frames.saturating_add(beat.frames),
+            dropped: past.dropped.saturating_add(beat.dropped),
             cpu_nanos: past.cpu_nanos.saturating_add(beat.cpu_nanos),
             peak_rss_bytes: past.peak_rss_bytes.max(beat.peak_rss_bytes),
             latency: merge(past.latency, beat.latency),

@@ -119,7 +119,8 @@ impl Supervisor<'_> {
                 tell(&self.progress());
             }
             // What is done is done: this comes before a signal that came with the end.
-            if [Stage::Align, Stage::Optimise].iter().all(|&stage| self.stages[stage as usize].is_finished) {
+            let [.., align, optimise] = &self.stages;
+            if align.is_finished && optimise.is_finished {
                 tell(&self.progress());
                 return Ok(RunOutcome::Finished);
             }
@@ -141,7 +142,7 @@ impl Supervisor<'_> {
             let files = &self.prepared.files;
             watched.child = Some(spawn(self.plan, files, watched.stage, is_first, &watched.poison)?);
             watched.start_at = None;
-            watched.n_lives += 1;
+            watched.n_lives = watched.n_lives.saturating_add(1);
             watched.heard_at = now;
             watched.was_hung = false;
             let word = if is_first { "starts" } else { "starts again" };
@@ -163,29 +164,33 @@ impl Supervisor<'_> {
     fn hear(&mut self) -> Result<(), SupervisorError> {
         while let Some(beat) = self.beats.receive()? {
             if let Some(stage) = Stage::from_number(beat.stage) {
-                self.stages[stage as usize].hear(&beat);
+                self.watched(stage).hear(&beat);
             }
         }
         Ok(())
     }
 
+    #[expect(clippy::indexing_slicing, reason = "four stages, by their numbers")]
+    fn watched(&mut self, stage: Stage) -> &mut Watched {
+        &mut self.stages[stage as usize]
+    }
+
     /// Looks who has died, cleans up after them and decides what becomes of them.
     fn reap(&mut self) -> Result<Option<StageFailure>, SupervisorError> {
-        for place in 0..self.stages.len() {
-            let Some(child) = &mut self.stages[place].child else { continue };
+        for stage in Stage::ALL {
+            let Some(child) = &mut self.watched(stage).child else { continue };
             let Ok(Some(status)) = child.try_wait() else { continue };
             // Its last beats are still in the queue.
             self.hear()?;
-            self.stages[place].close_life();
+            self.watched(stage).close_life();
             if meaning(status) == Meaning::Finished {
-                self.stages[place].is_finished = true;
+                self.watched(stage).is_finished = true;
                 continue;
             }
             self.has_dead = true;
-            let stage = self.stages[place].stage;
             self.marks.note(stage, || format!("{stage} died: {}", describe(status)));
             let (settings, log) = (&self.plan.settings, self.prepared.files.log());
-            if let Some(failure) = self.stages[place].judge(status, settings, &log) {
+            if let Some(failure) = self.watched(stage).judge(status, settings, &log) {
                 return Ok(Some(failure));
             }
         }
@@ -200,7 +205,8 @@ impl Supervisor<'_> {
         }
         tracing::info!("stood still for {:.1} s, as where a machine sleeps", nanos as f64 * 1e-9);
         for watched in &mut self.stages {
-            watched.heard_at += Duration::from_nanos(nanos);
+            let later = watched.heard_at.checked_add(Duration::from_nanos(nanos));
+            watched.heard_at = later.unwrap_or(watched.heard_at);
         }
     }
 
@@ -209,7 +215,7 @@ impl Supervisor<'_> {
         let patience = Duration::from_secs_f64(self.plan.settings.flow.hang_s);
         for watched in &mut self.stages {
             let Some(child) = &mut watched.child else { continue };
-            let patience = patience * 2u32.pow(watched.history.n_without_progress().min(6));
+            let patience = patience.saturating_mul(1 << watched.history.n_without_progress().min(6));
             if !watched.was_hung && watched.heard_at.elapsed() > patience {
                 tracing::warn!(
                     frame = watched.tally.beat.index,
@@ -231,12 +237,12 @@ impl Supervisor<'_> {
                 drop(child.stdin.take());
             }
         }
-        let deadline = Instant::now() + GRACE;
+        let told_at = Instant::now();
         while self.stages.iter().any(|watched| watched.child.is_some()) {
             let _ = self.hear();
             for watched in &mut self.stages {
                 let Some(child) = &mut watched.child else { continue };
-                if Instant::now() > deadline {
+                if told_at.elapsed() > GRACE {
                     let _ = child.kill();
                 }
                 if matches!(child.try_wait(), Ok(Some(_)) | Err(_)) {
@@ -252,7 +258,7 @@ impl Supervisor<'_> {
     }
 
     fn progress(&self) -> Progress {
-        let align = &self.stages[Stage::Align as usize];
+        let [_, _, align, _] = &self.stages;
         let n_frames = self.plan.n_frames;
         let reached = if align.is_finished || align.tally.total().frames > 0 {
             align.tally.beat.index.saturating_add(1)

@@ -114,7 +114,7 @@ impl Watched {
                 "{} died: {words}; it is started again",
                 self.stage
             );
-            self.start_at = Some(death.at + pause);
+            self.start_at = death.at.checked_add(pause).or(Some(death.at));
             return None;
         }
         // A camera does not stop for one frame, nor for a request: its answer then corrects nothing.

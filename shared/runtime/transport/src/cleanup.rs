@@ -121,10 +121,13 @@ fn ignore_absent(result: std::io::Result<()>) -> std::io::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::registry::RunClaim;
 
     #[test]
     fn what_an_orphan_makes_while_all_is_removed_is_removed_too() {
-        let identity = RunIdentity::create().unwrap();
+        let dir = tempfile::tempdir().unwrap();
+        let claim = RunClaim::take(&format!("test-orphan-{}", std::process::id()), dir.path()).unwrap();
+        let identity = claim.entry.identity.clone();
         let (root, began) = (identity.root.clone(), Instant::now());
         let orphan = std::thread::spawn(move || {
             for k in 0.. {

@@ -25,14 +25,14 @@ impl RunIdentity {
     ///
     /// # Errors
     /// Where the private folder is not private or cannot be made.
-    pub fn create() -> Result<Self, TransportError> {
+    pub(crate) fn create() -> Result<Self, TransportError> {
         let base = private_folder()?;
         for _ in 0..100 {
             let prefix = random_word(&base)?;
             let root = base.join(&prefix);
             match DirBuilder::new().mode(0o700).create(&root) {
                 Ok(()) => {
-                    let identity = Self { config_file: base.join(format!("{prefix}.toml")), root, prefix };
+                    let identity = Self::of(&base, &prefix);
                     identity.write_config()?;
                     return Ok(identity);
                 }
@@ -41,6 +41,17 @@ impl RunIdentity {
             }
         }
         Err(TransportError::NotPrivate { path: base, problem: "holds every name that was tried".into() })
+    }
+
+    /// The identity of this prefix; nothing is made.
+    pub(crate) fn of(base: &Path, prefix: &str) -> Self {
+        let config_file = base.join(format!("{prefix}.toml"));
+        Self { root: base.join(prefix), prefix: prefix.to_owned(), config_file }
+    }
+
+    /// Whether a word may be a prefix.
+    pub(crate) fn is_prefix(word: &str) -> bool {
+        word.len() == 8 && word.bytes().all(|b| b.is_ascii_alphanumeric())
     }
 
     fn write_config(&self) -> Result<(), TransportError> {

@@ -46,7 +46,9 @@ pub use link::{CameraServices, HeldServices, Link};
 pub use locator::{is_loopback, locators_in};
 pub use messages::{Publisher, Subscriber};
 pub use nodes::{LivingNode, living_nodes};
-pub use registry::{Registered, RunClaim, RunEntry, check_name, living_runs, registered_runs};
+pub use registry::{
+    Registered, RunClaim, RunEntry, check_name, living_runs, registered_runs, remove_unnamed,
+};
 pub use slices::{Loan, Received, SlicePublisher, SliceSubscriber};
 pub use space::{check_space, shared_memory_in_use};
 pub use sweeper::Sweeper;

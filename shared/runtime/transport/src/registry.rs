@@ -4,8 +4,9 @@ use crate::cleanup::remove_everything;
 use crate::error::TransportError;
 use crate::identity::{RunIdentity, existing_private_folder, private_folder};
 use rustix::fs::{FlockOperation, flock};
+use std::collections::BTreeSet;
 use std::fs::{File, OpenOptions};
-use std::io::Read;
+use std::io::{ErrorKind, Read};
 use std::os::unix::fs::{FileExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -55,7 +56,7 @@ pub fn check_name(name: &str) -> Result<(), TransportError> {
 
 impl RunClaim {
     /// Takes the name for a run in `run_dir`, with fresh shared memory; what a dead run of that
-    /// name left there is removed.
+    /// name left there is removed, and what [`remove_unnamed`] finds.
     ///
     /// # Errors
     /// Where a living run has the name.
@@ -65,6 +66,8 @@ impl RunClaim {
         if let Some(entry) = before {
             remove_everything(&entry.identity)?;
         }
+        remove_unnamed()?;
+        let making = lock_folder(&path, FlockOperation::LockShared)?;
         let run_dir = std::path::absolute(run_dir).map_err(TransportError::io("find", run_dir))?;
         let entry = RunEntry {
             name: name.into(),
@@ -77,6 +80,7 @@ impl RunClaim {
         file.set_len(0)
             .and_then(|()| file.write_all_at(&text, 0))
             .map_err(TransportError::io("write", &path))?;
+        drop(making);
         Ok(Self { entry, path, _file: file })
     }
 
@@ -93,7 +97,7 @@ impl RunClaim {
         remove_everything(&self.entry.identity)?;
         // Removed while locked: a process that opened it meanwhile finds a name without a file.
         match std::fs::remove_file(&self.path) {
-            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+            Err(error) if error.kind() != ErrorKind::NotFound => {
                 return Err(TransportError::io("remove", &self.path)(error));
             }
             _ => {}
@@ -133,7 +137,7 @@ fn lock(name: &str) -> Result<(PathBuf, File, Option<RunEntry>), TransportError>
         let file = match opened {
             Ok(file) => file,
             // The last run that was in the folder has just removed it.
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => continue,
+            Err(error) if error.kind() == ErrorKind::NotFound => continue,
             Err(error) => return Err(TransportError::io("open", &path)(error)),
         };
         let before = read_entry(&file);
@@ -167,12 +171,62 @@ fn read_entry(file: &File) -> Option<RunEntry> {
     let entry: RunEntry = serde_json::from_str(&text).ok()?;
     let base = existing_private_folder().ok()??;
     // The paths decide what gets removed: they must be ours.
-    let identity = &entry.identity;
-    let is_ours = identity.root == base.join(&identity.prefix)
-        && identity.prefix.len() == 8
-        && identity.prefix.bytes().all(|b| b.is_ascii_alphanumeric())
-        && identity.config_file == base.join(format!("{}.toml", identity.prefix));
+    let prefix = &entry.identity.prefix;
+    let is_ours = RunIdentity::is_prefix(prefix) && entry.identity == RunIdentity::of(&base, prefix);
     is_ours.then_some(entry)
+}
+
+/// Locks the private folder in which a file lies. All who make a run's folder hold it together until the registry
+/// names that; who removes what is not named holds it alone.
+fn lock_folder(file: &Path, operation: FlockOperation) -> Result<Option<File>, TransportError> {
+    let Some(base) = file.parent() else { return Ok(None) };
+    let folder = File::open(base).map_err(TransportError::io("open", base))?;
+    Ok(rustix::io::retry_on_intr(|| flock(&folder, operation)).is_ok().then_some(folder))
+}
+
+/// Removes what supervisors left that were killed before the registry named their runs: folders and configurations
+/// that no entry names, and empty entries. Nothing where a run is being made, or an entry cannot be read.
+///
+/// # Errors
+/// Where something is there and cannot be removed.
+pub fn remove_unnamed() -> Result<(), TransportError> {
+    let Some(base) = existing_private_folder()? else { return Ok(()) };
+    let Ok(Some(_alone)) = lock_folder(&base.join("any.run"), FlockOperation::NonBlockingLockExclusive)
+    else {
+        return Ok(());
+    };
+    let mut named = BTreeSet::new();
+    let items = std::fs::read_dir(&base).and_then(|items| items.map(|item| Ok(item?.path())).collect());
+    // An entry that is overlooked would cost a living run its folder.
+    let Ok::<Vec<PathBuf>, _>(items) = items else { return Ok(()) };
+    let (files, others): (Vec<_>, Vec<_>) =
+        items.into_iter().partition(|path| path.extension().is_some_and(|e| e == "run"));
+    for path in files {
+        let file = match File::open(&path) {
+            Ok(file) => file,
+            Err(error) if error.kind() == ErrorKind::NotFound => continue,
+            Err(_) => return Ok(()),
+        };
+        match read_entry(&file) {
+            Some(entry) => drop(named.insert(entry.identity.prefix)),
+            None if file.metadata().is_ok_and(|about| about.len() == 0) => {
+                if flock(&file, FlockOperation::NonBlockingLockExclusive).is_ok() {
+                    let _ = std::fs::remove_file(&path);
+                }
+            }
+            // Of another version.
+            None => return Ok(()),
+        }
+    }
+    for path in others {
+        let prefix = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
+        if RunIdentity::is_prefix(prefix) && !named.contains(prefix) {
+            remove_everything(&RunIdentity::of(&base, prefix))?;
+        }
+    }
+    // Fails while a run is in it.
+    let _ = std::fs::remove_dir(&base);
+    Ok(())
 }
 
 /// All runs that have a file in the registry, by name.
@@ -185,7 +239,7 @@ pub fn registered_runs() -> Result<Vec<Registered>, TransportError> {
     let items = match std::fs::read_dir(&base) {
         Ok(items) => items,
         // The last run that was in the folder has just removed it.
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(runs),
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(runs),
         Err(error) => return Err(TransportError::io("read", &base)(error)),
     };
     for item in items {
@@ -259,6 +313,29 @@ mod tests {
         assert!(began.elapsed() >= Duration::from_millis(200));
         assert!(again.entry.identity != identity && again.entry.pid == std::process::id());
         letting_go.join().unwrap();
+    }
+
+    #[test]
+    fn what_was_made_before_a_run_had_its_entry_is_removed_by_the_next_start() {
+        let name = |what: &str| format!("test-registry-{what}-{}", std::process::id());
+        let dir = tempfile::tempdir().unwrap();
+        let other = RunClaim::take(&name("kept"), dir.path()).unwrap();
+        let making = lock_folder(&other.path, FlockOperation::LockShared).unwrap();
+        let unnamed = RunIdentity::create().unwrap();
+        let empty = other.path.with_file_name(format!("{}.run", name("empty")));
+        File::create(&empty).unwrap();
+        // As while its supervisor is about to write the entry.
+        drop(RunClaim::take(&name("meanwhile"), dir.path()).unwrap());
+        assert!(unnamed.root.exists() && unnamed.is_there());
+        // As when it was killed.
+        drop(making);
+        // Another test may be making a run.
+        let began = Instant::now();
+        while (unnamed.root.exists() || empty.exists()) && began.elapsed() < Duration::from_secs(10) {
+            drop(RunClaim::take(&name("next"), dir.path()).unwrap());
+        }
+        assert!(!unnamed.root.exists() && !unnamed.is_there() && !empty.exists());
+        assert!(other.entry.identity.root.exists() && other.entry.identity.is_there());
     }
 
     #[test]

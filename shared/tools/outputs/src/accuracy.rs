@@ -68,7 +68,8 @@ pub(crate) fn accuracy_by_gauge(rows: &Rows, gauges: &[u32], groundtruth: &Traje
 
 /// The root mean square of all errors from that of each part with the number of its errors.
 fn root_mean_square(parts: impl Iterator<Item = (f64, usize)>) -> Option<f64> {
-    let (sum, n) = parts.fold((0.0, 0), |(sum, n), (rmse, m)| (sum + rmse * rmse * m as f64, n + m));
+    let (sum, n) =
+        parts.fold((0.0, 0_usize), |(sum, n), (rmse, m)| (sum + rmse * rmse * m as f64, n.saturating_add(m)));
     (n > 0).then(|| (sum / n as f64).sqrt())
 }
 

@@ -22,14 +22,17 @@ pub fn comparison(run_folders: &[&Path]) -> Result<String, ToolError> {
         let name = folder.file_name().unwrap_or_default().to_string_lossy();
         rows.push(row(&name, &summary));
     }
-    let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
-    let widths: [usize; HEAD.len()] = std::array::from_fn(width);
+    let mut widths = [0; HEAD.len()];
+    for row in &rows {
+        widths.iter_mut().zip(row).for_each(|(width, cell)| *width = cell.chars().count().max(*width));
+    }
+    let [first_width, widths @ ..] = widths;
     let mut table = String::new();
     for row in &rows {
         // Names to the left, numbers to the right; what follows the verdict is nothing.
         let [first, numbers @ .., last] = row;
-        let mut line = format!("  {first:<width$}", width = widths[0]);
-        for (cell, width) in numbers.iter().zip(&widths[1..]) {
+        let mut line = format!("  {first:<width$}", width = first_width);
+        for (cell, width) in numbers.iter().zip(&widths) {
             line.push_str(&format!("  {cell:>width$}"));
         }
         table.push_str(&format!("{line}  {last}\n"));
@@ -38,14 +41,14 @@ pub fn comparison(run_folders: &[&Path]) -> Result<String, ToolError> {
 }
 
 fn row(name: &str, summary: &Value) -> [String; HEAD.len()] {
-    let number = |key: &str| summary[key].as_f64().unwrap_or(0.0);
-    let stages = summary["cpu_ms_per_frame"].as_object().into_iter().flatten();
+    let number = |key: &str| summary.get(key).and_then(Value::as_f64).unwrap_or(0.0);
+    let stages = summary.get("cpu_ms_per_frame").and_then(Value::as_object).into_iter().flatten();
     // From 0, for the sum of nothing is -0.
     let cpu_ms = stages.filter_map(|(_, ms)| ms.as_f64()).fold(0.0, |sum, ms| sum + ms);
     let (processed, wall_s) = (number("frames_processed"), number("wall_s"));
     let rate = if wall_s > 0.0 { format!("{:.1}", processed / wall_s) } else { "-".to_owned() };
-    let ate = summary["final"]["ate_rmse_m"].as_f64();
-    let verdict = summary["verdict"]["grade"].as_str().unwrap_or("-");
+    let ate = summary.pointer("/final/ate_rmse_m").and_then(Value::as_f64);
+    let verdict = summary.pointer("/verdict/grade").and_then(Value::as_str).unwrap_or("-");
     [
         name.to_owned(),
         processed.to_string(),

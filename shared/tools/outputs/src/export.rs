@@ -111,7 +111,7 @@ pub(crate) fn n_from_base(files: &RunFiles, settings: &Settings) -> Result<Optio
     if path.exists() {
         let mut follower = Follower::<OptimiseRecord>::open(&path, OPTIMISE_JOURNAL)?;
         while let Some(record) = follower.next()? {
-            n += u64::from(record.is_from_base());
+            n = u64::saturating_add(n, record.is_from_base().into());
         }
     }
     Ok(Some(n))

@@ -140,6 +140,7 @@ impl Facts {
         beside: &Beside,
     ) -> Self {
         let (processed, dropped) = (replay.frames.len() as u64, replay.n_skipped());
+        // Until the source has ended, what was sent and not yet processed is not lost but undone.
         let n_read = replay.n_source_frames.unwrap_or(0).max(processed.saturating_add(dropped));
         let mut frames = FrameFacts::default();
         replay.frames.iter().for_each(|frame| frames.add(frame));
@@ -149,7 +150,7 @@ impl Facts {
             ended: statistics.ended,
             n_read,
             n_dropped: dropped,
-            n_missing: n_read - processed - dropped,
+            n_missing: n_read.saturating_sub(processed).saturating_sub(dropped),
             broken: beside.broken.clone(),
             n_loops_closed: replay.n_loops_closed(),
             n_loops_rejected: replay.n_loops_rejected(),
@@ -180,6 +181,10 @@ pub struct FrameFacts {
 
 impl FrameFacts {
     /// Takes the next frame in.
+    #[expect(
+        clippy::arithmetic_side_effects,
+        reason = "counts of 64 bits, of the frames in memory or followed"
+    )]
     pub fn add(&mut self, frame: &FrameRecord) {
         let first_nanos = *self.first_nanos.get_or_insert(frame.stamp_nanos);
         let at = (frame.index, frame.stamp_nanos.saturating_sub(first_nanos) as f64 * 1e-9);

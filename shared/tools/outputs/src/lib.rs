@@ -1,6 +1,15 @@
 //! Outputs of a run: pure functions of the run directory, so that they can be
 //! written at any time, also after a crash, and say the same.
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 mod accuracy;
 mod colour;
@@ -24,6 +33,7 @@ mod statistics;
 mod stored;
 mod summary;
 #[cfg(any(test, feature = "test-run"))]
+#[expect(clippy::arithmetic_side_effects, clippy::indexing_slicing, reason = "runs made up for tests")]
 pub mod test_run;
 mod timeline;
 mod trajectories;

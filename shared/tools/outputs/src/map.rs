@@ -61,7 +61,7 @@ pub(crate) fn add_keyframe(
             if !vertex.is_valid() || !(depth_m <= input.settings.map_max_depth_m) {
                 continue;
             }
-            let image_row = (row * input.step) as f64 + f64::from(vertex.row_offset());
+            let image_row = row as f64 * input.step as f64 + f64::from(vertex.row_offset());
             let world_from_row = world_from_camera * shutter.stamp_from_row(image_row);
             let point_in_camera = Vector3::from(vertex.position.map(f64::from));
             cloud.add(&MapPoint {
@@ -80,6 +80,7 @@ pub(crate) fn write(cloud: &VoxelCloud, path: &Path) -> Result<(), ToolError> {
 }
 
 /// The points as they are written.
+#[expect(clippy::cast_possible_truncation, reason = "to single precision, as the file has it")]
 pub(crate) fn ply_vertices(cloud: &VoxelCloud) -> impl Iterator<Item = PlyVertex> {
     cloud.points().map(|point| PlyVertex {
         position: point.position.map(|v| v as f32).into(),

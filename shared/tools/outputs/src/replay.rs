@@ -7,6 +7,7 @@ use tessera_slam::{
     LoopRecord, LoopVerdict, MapRecord, PoseHistory, RefinedCamera, Refinement, SkippedFrames, State,
     Submaps,
 };
+use tessera_surface::WorkloadLevel;
 
 /// Loops that the optimiser left with less weight than this do not count as closed.
 const LOOP_WEIGHT: f64 = 0.5;
@@ -101,7 +102,7 @@ impl Replay {
     fn correct(&mut self, correction: &Correction) {
         // The answer to a request that was left out corrects nothing.
         if !correction.keyframes.is_empty() {
-            self.n_corrections += 1;
+            self.n_corrections = self.n_corrections.saturating_add(1);
             self.is_finally_optimised |= self.n_source_frames.is_some();
         }
         self.refinement.clone_from(&correction.refinement);
@@ -144,7 +145,8 @@ impl Replay {
         let mut counts = BTreeMap::new();
         for frame in &self.frames {
             let (n, n_tracked): &mut (u64, u64) = counts.entry(self.component(frame)).or_default();
-            (*n, *n_tracked) = (*n + 1, *n_tracked + u64::from(frame.state == State::Tracking));
+            *n = n.saturating_add(1);
+            *n_tracked = n_tracked.saturating_add(u64::from(frame.state == State::Tracking));
         }
         counts
     }
@@ -192,13 +194,12 @@ impl Replay {
     /// Loops found: pairs of keyframes that the optimiser judged, and those of the aligner that it had
     /// no word on.
     pub fn n_loops_found(&self) -> u64 {
-        (self.loops.len() + self.unjudged_loops().count()) as u64
+        self.loops.keys().copied().chain(self.unjudged_loops()).count() as u64
     }
 
     /// Loops closed: verified, and kept by the optimiser.
     pub fn n_loops_closed(&self) -> u64 {
-        let kept = self.loops.values().filter(|pair| is_verified(pair) && !is_rejected(pair));
-        (kept.count() + self.unjudged_loops().count()) as u64
+        self.verified_loops().iter().filter(|(_, _, is_closed)| *is_closed).count() as u64
     }
 
     /// Loops that were verified and then rejected by the optimiser, for they contradict the others.
@@ -224,9 +225,7 @@ impl Replay {
 
     /// Frames by the workload they got, from the full one down.
     pub fn n_at_workload(&self) -> [u64; 4] {
-        let mut counts = [0; 4];
-        self.frames.iter().for_each(|frame| counts[frame.workload.level()] += 1);
-        counts
+        WorkloadLevel::ALL.map(|level| self.frames.iter().filter(|f| f.workload == level).count() as u64)
     }
 
     /// Frames left out in live mode.

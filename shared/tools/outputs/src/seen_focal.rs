@@ -30,6 +30,7 @@ pub(crate) fn seen_focal(
     let (keyframes, poses): (Vec<_>, Vec<_>) =
         replay.main_keyframes().filter(|(keyframe, _)| is_own(keyframe.id)).unzip();
     seen_focal_ratio(&context, &poses, |place| {
+        #[expect(clippy::indexing_slicing, reason = "as many keyframes as poses")]
         let keyframe = keyframes[place];
         let velocity = Twist::from_vector(&Vector6::from(keyframe.velocity));
         let features = stored.features_once(keyframe.id).into_owned();

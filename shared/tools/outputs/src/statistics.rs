@@ -77,8 +77,8 @@ impl StageStatistics {
     /// Both together; the percentiles are those of the part that did more frames.
     fn and(&self, later: &Self) -> Self {
         Self {
-            restarts: self.restarts + later.restarts,
-            frames: self.frames + later.frames,
+            restarts: self.restarts.saturating_add(later.restarts),
+            frames: self.frames.saturating_add(later.frames),
             latency_ms: join(self.latency_ms, later.latency_ms, later.frames >= self.frames),
             cpu_ms: self.cpu_ms + later.cpu_ms,
             peak_rss_mb: self.peak_rss_mb.max(later.peak_rss_mb),
@@ -180,6 +180,11 @@ mod tests {
         let both = part(100, 1_000_000, 9_000_000).and(&part(10, 5_000_000, 6_000_000));
         let align = both.stages["align"];
         assert_eq!((align.frames, align.restarts, align.cpu_ms), (110, 2, 4.0));
+        assert_eq!(
+            part(u64::MAX, 1, 1).and(&both).stages["align"].frames,
+            u64::MAX,
+            "a file may hold any number"
+        );
         assert_eq!(align.latency_ms, LatencyMs { p50: 1.0, p99: 1.0, max: 9.0 });
         assert_eq!((both.wall_s, both.shared_memory_mb), (4.0, 3.0));
     }

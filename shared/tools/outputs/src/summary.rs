@@ -160,9 +160,7 @@ impl Summary {
         beside: &Beside,
     ) -> Self {
         let facts = Facts::new(replay, statistics, groundtruth, beside);
-        let (processed, dropped) = (replay.frames.len() as u64, replay.n_skipped());
-        // Until the source has ended, what was sent and not yet processed is not lost but undone.
-        let read = replay.n_source_frames.unwrap_or(0).max(processed.saturating_add(dropped));
+        let processed = facts.n_processed;
         let stage = |name: &str| statistics.stages.get(name).copied().unwrap_or_default();
         let cpu = |stage: StageStatistics| if processed > 0 { stage.cpu_ms / processed as f64 } else { 0.0 };
         let mut latency_ms = by_stage(|name| stage(name).latency_ms);
@@ -174,10 +172,10 @@ impl Summary {
             ended: statistics.ended,
             verdict: verdict(&facts),
             final_optimisation: replay.is_finally_optimised,
-            frames_read: read,
+            frames_read: facts.n_read,
             frames_processed: processed,
-            frames_dropped: dropped,
-            frames_missing: read - processed - dropped,
+            frames_dropped: facts.n_dropped,
+            frames_missing: facts.n_missing,
             frames_untracked: replay.n_untracked(),
             untracked: facts.untracked.iter().map(|span| [span.first, span.last]).collect(),
             frames_broken: facts.broken.len() as u64,
@@ -186,7 +184,7 @@ impl Summary {
             map_keyframes: replay.n_map_keyframes as u64,
             first_tracked: replay.first_tracked,
             submaps: facts.n_submaps,
-            submaps_joined: facts.n_submaps - u64::from(replay.submaps().n_components()),
+            submaps_joined: facts.n_submaps.saturating_sub(u64::from(replay.submaps().n_components())),
             submaps_apart: facts.apart.len() as u64,
             frames_apart: facts.apart.values().sum(),
             loops_found: replay.n_loops_found(),

@@ -81,18 +81,14 @@ impl Recorder {
     /// Takes a sample, if it is time for one or the last.
     pub fn note(&mut self, elapsed: Duration, stages: &TimelineSnapshot, is_last: bool) {
         let last = self.snapshots.last().map_or(Duration::ZERO, |(at, _)| *at);
-        if !is_last && elapsed < last + self.interval {
+        if !is_last && elapsed.saturating_sub(last) < self.interval {
             return;
         }
         self.snapshots.push((elapsed, stages.clone()));
         if self.snapshots.len() > MOST_SAMPLES {
-            self.interval *= 2;
-            let mut place = 0;
+            self.interval = self.interval.saturating_mul(2);
             // The newest stays: counters only grow.
-            self.snapshots.retain(|_| {
-                place += 1;
-                place % 2 == 1
-            });
+            self.snapshots = std::mem::take(&mut self.snapshots).into_iter().step_by(2).collect();
         }
     }
 
@@ -114,7 +110,10 @@ impl Recorder {
         for (name, progress) in &old {
             let counts = timeline.latency_counts.entry(name.clone()).or_default();
             counts.resize(progress.counts.0.len(), 0);
-            counts.iter_mut().zip(progress.counts.0).for_each(|(sum, n)| *sum += u64::from(n));
+            counts
+                .iter_mut()
+                .zip(progress.counts.0)
+                .for_each(|(sum, n)| *sum = sum.saturating_add(u64::from(n)));
         }
         timeline
     }
@@ -145,14 +144,15 @@ fn progresses(snapshot: &TimelineSnapshot) -> BTreeMap<String, FrameProgress> {
 
 impl FrameProgress {
     fn since(&self, old: &Self) -> Point {
-        let (mut frames, mut sum_ms, mut longest_ms) = (0, 0.0, None);
+        let (mut frames, mut sum_ms, mut longest_ms) = (0_u64, 0.0, None);
         for (bucket, (now, before)) in self.counts.0.iter().zip(old.counts.0).enumerate() {
             let n = u64::from(now.saturating_sub(before));
             if n > 0 {
                 let border_ms = |bucket| TimeCounts::begin_nanos(bucket) as f64 * 1e-6;
-                frames += n;
-                sum_ms += n as f64 * 0.5 * (border_ms(bucket) + border_ms(bucket + 1));
-                longest_ms = Some(border_ms(bucket + 1));
+                let end_ms = border_ms(bucket.saturating_add(1));
+                frames = frames.saturating_add(n);
+                sum_ms += n as f64 * 0.5 * (border_ms(bucket) + end_ms);
+                longest_ms = Some(end_ms);
             }
         }
         Point {

@@ -67,8 +67,9 @@ pub(crate) fn write(replay: &Replay, folder: &Path) -> Result<(), ToolError> {
 fn online_words(replay: &Replay) -> String {
     let mut words = "pose of every processed frame as first published".to_owned();
     let gauges = replay.online_gauges();
-    let changes = gauges.windows(2).zip(replay.frames.iter().skip(1)).filter(|(pair, _)| pair[0] != pair[1]);
-    for (place, (_, frame)) in changes.enumerate() {
+    let changes =
+        gauges.iter().zip(gauges.iter().zip(&replay.frames).skip(1)).filter(|(old, (new, _))| old != new);
+    for (place, (_, (_, frame))) in changes.enumerate() {
         words.push_str(if place == 0 { "; in another world frame from " } else { ", " });
         words.push_str(&format_stamp(frame.stamp_nanos));
     }

@@ -6,6 +6,7 @@ use crate::facts::{Facts, Span, UNCERTAIN_M};
 use crate::statistics::Ended;
 use crate::wrong_camera::{lens, off_truth, turned_truth, units};
 use serde::Serialize;
+use std::cmp::Reverse;
 use std::fmt;
 use tessera_stage::BrokenFrames;
 
@@ -204,7 +205,7 @@ fn untracked(facts: &Facts) -> Option<Reason> {
         "{n} of {of} frames not tracked, their poses are predictions: {}{to_the_end}",
         spans(&facts.untracked)
     );
-    if 2 * facts.n_without_depth > n {
+    if facts.n_without_depth > n / 2 {
         let found = format!("{found}; {} of them hold too little depth to be aligned", facts.n_without_depth);
         let advice = "tessera check SOURCE: its depth images hold no or few measurements; is it the right stream, and units_per_metre right?";
         return Some(reason(grade, found, advice));
@@ -237,12 +238,12 @@ fn apart(facts: &Facts) -> Option<Reason> {
 /// The longest spans, in the order of time.
 fn spans(all: &[Span]) -> String {
     let mut longest: Vec<&Span> = all.iter().collect();
-    longest.sort_by(|a, b| (b.last - b.first).cmp(&(a.last - a.first)).then(a.first.cmp(&b.first)));
+    longest.sort_by_key(|span| (Reverse(span.last.saturating_sub(span.first)), span.first));
     longest.truncate(MOST_SPANS);
     longest.sort_by_key(|span| span.first);
     let mut words: Vec<String> = longest.iter().map(ToString::to_string).collect();
     if all.len() > MOST_SPANS {
-        words.push(format!("{} more", all.len() - MOST_SPANS));
+        words.push(format!("{} more", all.len().saturating_sub(MOST_SPANS)));
     }
     words.join(", ")
 }
@@ -276,7 +277,7 @@ fn uncertain(facts: &Facts) -> Option<Reason> {
 
 fn dropped(facts: &Facts) -> Option<Reason> {
     let (n, missing) = (facts.n_dropped, facts.n_missing);
-    if n + missing == 0 {
+    if (n, missing) == (0, 0) {
         return None;
     }
     let grade = if missing > 0 { Grade::Doubtful } else { above(share(n, facts.n_read), DROPPED_DOUBTFUL) };

@@ -64,7 +64,7 @@ pub fn verify(folder: &Path) -> Result<Verified, ToolError> {
     ];
     let (mut n_frames, mut surfaces) = (0_u64, Vec::new());
     let take = |record: AlignRecord| {
-        n_frames += u64::from(matches!(record, AlignRecord::Frame(_)));
+        n_frames = u64::saturating_add(n_frames, matches!(record, AlignRecord::Frame(_)).into());
         surfaces.extend(slots(&record).map(|(id, slot)| (id, *slot)));
         Ok(())
     };
@@ -141,7 +141,7 @@ fn of_store(path: &Path, grid: Grid, surfaces: &[(u32, StoreSlot)]) -> CheckedFi
     let mut n_evicted = 0_u64;
     for (id, slot) in surfaces {
         match store.read(&journal_slot(slot)) {
-            Ok(None) => n_evicted += 1,
+            Ok(None) => n_evicted = n_evicted.saturating_add(1),
             Ok(Some(bytes)) => {
                 lost.extend(load_surface(grid, &bytes).err().map(|error| format!("keyframe {id}: {error}")));
             }
@@ -152,7 +152,7 @@ fn of_store(path: &Path, grid: Grid, surfaces: &[(u32, StoreSlot)]) -> CheckedFi
         let n = count(lost.len() as u64, "surface");
         return file(path, FileState::Damaged, format!("{n} of {} lost; {first}", surfaces.len()));
     }
-    let held = count(surfaces.len() as u64 - n_evicted, "surface");
+    let held = count((surfaces.len() as u64).saturating_sub(n_evicted), "surface");
     whole(path, if n_evicted > 0 { format!("{held}; {n_evicted} evicted") } else { held })
 }
 

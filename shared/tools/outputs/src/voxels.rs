@@ -39,12 +39,17 @@ impl VoxelCloud {
     }
 
     /// Adds a point; one that is not finite or farther than 2^31 voxels away is left out.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::indexing_slicing,
+        reason = "cells of 32 bits, three axes"
+    )]
     pub(crate) fn add(&mut self, point: &MapPoint) {
         let cell = (point.position / self.edge_m).map(f64::floor);
         if !cell.iter().all(|c| c.abs() < f64::from(i32::MAX)) {
             return;
         }
-        let next = self.sums.len() as u32;
+        let Ok(next) = u32::try_from(self.sums.len()) else { return };
         let slot = *self.index.entry([cell.x as i32, cell.y as i32, cell.z as i32]).or_insert(next);
         if slot == next {
             self.sums.push(Sum { keyframe: point.keyframe, ..Sum::default() });
@@ -53,9 +58,9 @@ impl VoxelCloud {
         for axis in 0..3 {
             sum.position[axis] += point.position[axis];
             sum.normal[axis] += point.normal[axis] as f32;
-            sum.rgb[axis] += u32::from(point.rgb[axis]);
+            sum.rgb[axis] = sum.rgb[axis].saturating_add(u32::from(point.rgb[axis]));
         }
-        sum.n += 1;
+        sum.n = sum.n.saturating_add(1);
     }
 
     /// The same cloud in voxels of another edge, metres.
@@ -79,11 +84,16 @@ impl VoxelCloud {
                 position: Vector3::from(sum.position) / n,
                 // Normals of the two sides of a thin wall can cancel out.
                 normal: normal.try_normalize(1e-6).unwrap_or_else(Vector3::zeros),
-                rgb: sum.rgb.map(|c| ((c + sum.n / 2) / sum.n) as u8),
+                rgb: sum.rgb.map(|c| rounded_mean(c, sum.n)),
                 keyframe: sum.keyframe,
             }
         })
     }
+}
+
+fn rounded_mean(sum: u32, n: u32) -> u8 {
+    let mean = sum.saturating_add(n / 2).checked_div(n);
+    mean.and_then(|mean| u8::try_from(mean).ok()).unwrap_or(u8::MAX)
 }
 
 #[cfg(test)]

@@ -20,12 +20,11 @@ impl Summary {
             "  frames      {frames_processed} of {frames_read} processed, {frames_untracked} not tracked, {frames_dropped} dropped, {frames_missing} missing"
         );
         if let [_, fewer, small, least] = self.frames_at_workload
-            && fewer + small + least > 0
+            && let lowered @ 1.. = fewer.saturating_add(small).saturating_add(least)
         {
             let _ = writeln!(
                 text,
-                "  workload    lowered in {} frames: {fewer} by 1 level, {small} by 2, {least} by 3",
-                fewer + small + least
+                "  workload    lowered in {lowered} frames: {fewer} by 1 level, {small} by 2, {least} by 3"
             );
         }
         let Self { keyframes, loops_closed, loops_rejected, global_optimisations, .. } = self;

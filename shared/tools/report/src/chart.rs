@@ -1,4 +1,9 @@
 //! A plot as SVG, drawn twice: wide for screens and paper, narrow for phones.
+#![expect(
+    clippy::arithmetic_side_effects,
+    clippy::cast_possible_truncation,
+    reason = "pixels of a drawing whose size is constant"
+)]
 
 use crate::ReportError;
 use plotters::coord::Shift;

@@ -2,7 +2,7 @@
 
 use crate::ReportError;
 use crate::chart::{Chart, ChartForm, Series};
-use crate::palette::CYCLE;
+use crate::palette::cycled;
 use crate::run::ReportedRun;
 use std::collections::BTreeSet;
 use tessera_outputs::html::table;
@@ -43,7 +43,7 @@ fn errors(runs: &[ReportedRun]) -> Result<String, ReportError> {
         .filter(|(_, run)| run.has_truth())
         .map(|(place, run)| Series {
             name: run.name.clone(),
-            colour: CYCLE[place % CYCLE.len()],
+            colour: cycled(place),
             points: run.frames.iter().filter_map(|f| f.error_m.map(|m| (f.time_s, 1e3 * m))).collect(),
             size: 1.4,
             form: ChartForm::Line,
@@ -72,7 +72,7 @@ fn settings(runs: &[ReportedRun], head: &[&str]) -> String {
     let rows: Vec<Vec<String>> = keys
         .iter()
         .map(|key| std::iter::once((*key).to_owned()).chain(runs.iter().map(|run| value(run, key))).collect())
-        .filter(|row: &Vec<String>| row[1..].iter().any(|value| *value != row[1]))
+        .filter(|row: &Vec<String>| row.iter().skip(2).any(|value| Some(value) != row.get(1)))
         .collect();
     if rows.is_empty() {
         return "<p class=\"note\">None.</p>".into();

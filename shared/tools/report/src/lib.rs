@@ -3,6 +3,15 @@
 //!
 //! The page is a pure function of [`ReportedRun`]; the folder `run_directory` fills that in.
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::indexing_slicing,
+        clippy::cast_possible_truncation,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 mod chart;
 mod compare;
@@ -27,7 +36,7 @@ pub use exposition::{Exposition, METRICS_PATH, loopback_address};
 pub use http::{Answer, answer};
 pub use joint_scene::{JointComponent, JointFrame, joint_scene};
 pub use page::{page, whole_page};
-pub use palette::{CYCLE, GREY};
+pub use palette::{CYCLE, GREY, cycled};
 pub use picture::{ReportPicture, ThumbnailError, depth_picture, photograph};
 pub use run::{
     Event, Frame, FrameState, Keyframe, LoopPair, ReportedRun, ReportedVerdict, Setting, StageFigures,

@@ -18,3 +18,8 @@ pub(crate) const SKY: RGBColor = RGBColor(86, 180, 233);
 pub const GREY: RGBColor = RGBColor(150, 150, 150);
 /// For stages and runs, one after the other.
 pub const CYCLE: [RGBColor; 6] = [BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY];
+
+/// Colour of the n-th stage or run.
+pub fn cycled(place: usize) -> RGBColor {
+    CYCLE.iter().cycle().nth(place).copied().unwrap_or(GREY)
+}

@@ -58,10 +58,13 @@ impl ReportPicture {
 /// # Errors
 /// Where the bytes are not `3 * width * height`, or the encoder refuses.
 pub fn photograph(width: usize, height: usize, rgb: &[u8]) -> Result<ReportPicture, ThumbnailError> {
-    check(rgb.len(), 3 * width * height, width, height)?;
-    let (columns, rows, small) = smaller(width, height, |at| [rgb[3 * at], rgb[3 * at + 1], rgb[3 * at + 2]]);
+    let (pixels, _) = rgb.as_chunks::<3>();
+    check(rgb.len(), 3, width, height)?;
+    let (columns, rows, small) = smaller(width, height, pixels, |rgb| *rgb);
+    // The encoder refuses a size that is not that of its pixels.
+    let size = [columns, rows].map(|n| u16::try_from(n).unwrap_or(u16::MAX));
     let mut bytes = Vec::new();
-    Encoder::new(&mut bytes, QUALITY).encode(&small, columns as u16, rows as u16, ColorType::Rgb)?;
+    Encoder::new(&mut bytes, QUALITY).encode(&small, size[0], size[1], ColorType::Rgb)?;
     Ok(ReportPicture { kind: "jpeg", bytes, width: columns, height: rows })
 }
 
@@ -72,25 +75,27 @@ pub fn photograph(width: usize, height: usize, rgb: &[u8]) -> Result<ReportPictu
 /// # Errors
 /// As [`photograph`].
 pub fn depth_picture(width: usize, height: usize, depth: &[u16]) -> Result<ReportPicture, ThumbnailError> {
-    check(depth.len(), width * height, width, height)?;
+    check(depth.len(), 1, width, height)?;
     let is_measured = |d: u16| d != 0 && d != u16::MAX;
     let mut sorted: Vec<u16> = depth.iter().copied().filter(|&d| is_measured(d)).collect();
     sorted.sort_unstable();
+    #[expect(clippy::cast_possible_truncation, reason = "a share of the length")]
     let at = |share: f64| {
         sorted.get((share * sorted.len().saturating_sub(1) as f64) as usize).map_or(0.0, |d| f64::from(*d))
     };
     // Single outliers do not take the colours of all others.
     let (near, far) = (at(0.02), at(0.98));
-    let colour = |d: u16| {
+    let colour = |&d: &u16| {
         if !is_measured(d) {
             return [255; 3];
         }
         let share = ((f64::from(d) - near) / (far - near).max(1.0)).clamp(0.0, 1.0);
         ramp(share)
     };
-    let (columns, rows, small) = smaller(width, height, |at| colour(depth[at]));
+    let (columns, rows, small) = smaller(width, height, depth, colour);
+    let size = [columns, rows].map(|n| u32::try_from(n).unwrap_or(u32::MAX));
     let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, columns as u32, rows as u32);
+    let mut encoder = png::Encoder::new(&mut bytes, size[0], size[1]);
     encoder.set_color(png::ColorType::Rgb);
     encoder.write_header()?.write_image_data(&small)?;
     Ok(ReportPicture { kind: "png", bytes, width: columns, height: rows })
@@ -98,6 +103,12 @@ pub fn depth_picture(width: usize, height: usize, depth: &[u16]) -> Result<Repor
 
 /// From light yellow over green and blue to dark violet: brightness falls all the way, so that it
 /// can be read without colours too.
+#[expect(
+    clippy::arithmetic_side_effects,
+    clippy::cast_possible_truncation,
+    clippy::indexing_slicing,
+    reason = "between two neighbours of five colours"
+)]
 fn ramp(share: f64) -> [u8; 3] {
     const STOPS: [[f64; 3]; 5] = [
         [253.0, 231.0, 37.0],
@@ -112,22 +123,25 @@ fn ramp(share: f64) -> [u8; 3] {
     std::array::from_fn(|k| (STOPS[first][k] * (1.0 - t) + STOPS[first + 1][k] * t) as u8)
 }
 
-fn check(found: usize, expected: usize, width: usize, height: usize) -> Result<(), ThumbnailError> {
+fn check(found: usize, per_pixel: usize, width: usize, height: usize) -> Result<(), ThumbnailError> {
+    let expected = width.saturating_mul(height).saturating_mul(per_pixel);
     let is_right = found == expected && width > 0 && height > 0;
     is_right.then_some(()).ok_or(ThumbnailError::Size { found, expected, width, height })
 }
 
 /// Every k-th pixel of every k-th row, so that the picture is not wider than needed.
-fn smaller(width: usize, height: usize, pixel: impl Fn(usize) -> [u8; 3]) -> (usize, usize, Vec<u8>) {
-    let k = width.div_ceil(MOST_COLUMNS);
-    let (columns, rows) = (width / k, height / k);
-    let mut bytes = Vec::with_capacity(3 * columns * rows);
-    for row in 0..rows {
-        for column in 0..columns {
-            bytes.extend(pixel(row * k * width + column * k));
-        }
-    }
-    (columns, rows.max(1), bytes)
+fn smaller<P>(
+    width: usize,
+    height: usize,
+    pixels: &[P],
+    colour: impl Fn(&P) -> [u8; 3],
+) -> (usize, usize, Vec<u8>) {
+    let k = width.div_ceil(MOST_COLUMNS).max(1);
+    let columns = width.checked_div(k).unwrap_or(0);
+    let rows = height.checked_div(k).unwrap_or(0).max(1);
+    let lines = pixels.chunks_exact(width).step_by(k).take(rows);
+    let bytes = lines.flat_map(|line| line.iter().step_by(k).take(columns)).flat_map(colour).collect();
+    (columns, rows, bytes)
 }
 
 #[cfg(test)]
@@ -155,6 +169,8 @@ mod tests {
         assert!(
             image.html("a \"b\"").starts_with("<img width=\"320\" height=\"240\" alt=\"a &quot;b&quot;\"")
         );
+        let wide = photograph(1600, 2, &vec![90; 3 * 1600 * 2]).unwrap();
+        assert_eq!((wide.width, wide.height), (400, 1));
         let error = photograph(640, 480, &[0; 3]).unwrap_err().to_string();
         assert_eq!(error, "3 values for 640x480 pixels, expected 921600");
     }

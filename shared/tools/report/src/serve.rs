@@ -113,7 +113,7 @@ impl MadePage {
         let goes_on = written.and_then(|at| at.elapsed().ok()).is_none_or(|age| age < IDLE);
         let begin = Instant::now();
         let head = |took: Duration| {
-            let refresh_s = REFRESH_S.max(REFRESH_SHARE * took.as_secs());
+            let refresh_s = REFRESH_S.max(REFRESH_SHARE.saturating_mul(took.as_secs()));
             let refresh = if goes_on { format!("Refresh: {refresh_s}\r\n") } else { String::new() };
             format!("Content-Type: text/html; charset=utf-8\r\nCache-Control: no-store\r\n{refresh}")
         };

@@ -12,6 +12,7 @@ pub(crate) fn trajectory(run: &ReportedRun) -> Result<String, ReportError> {
         [("from above", [0, 1], "right, m", "forward, m"), ("from the side", [0, 2], "right, m", "up, m")];
     let mut out = String::from("<div class=\"pair\">");
     for (view, axes, x_label, y_label) in views {
+        #[expect(clippy::indexing_slicing, reason = "two of three axes")]
         let flat = |p: &[f64; 3]| (p[axes[0]], p[axes[1]]);
         let mut series = Vec::new();
         if run.has_truth() {
@@ -112,7 +113,7 @@ fn bands(run: &ReportedRun) -> Vec<Band> {
         let Some((state, _, colour)) = BANDS.iter().find(|(state, ..)| *state == frame.state) else {
             continue;
         };
-        let end = run.frames.get(place + 1).map_or(frame.time_s, |next| next.time_s);
+        let end = run.frames.get(place.saturating_add(1)).map_or(frame.time_s, |next| next.time_s);
         match bands.last_mut() {
             Some((last, band)) if last == state && band.x.end >= frame.time_s => band.x.end = end,
             _ => bands.push((*state, Band { x: frame.time_s..end, colour: *colour })),

@@ -2,7 +2,7 @@
 
 use crate::ReportError;
 use crate::chart::{Band, Chart, ChartForm, Series};
-use crate::palette::{CYCLE, GREY, VERMILION};
+use crate::palette::{GREY, VERMILION, cycled};
 use crate::run::ReportedRun;
 use tessera_outputs::Point;
 use tessera_outputs::html::{escaped, table};
@@ -34,7 +34,7 @@ pub(crate) fn latency_over_time(run: &ReportedRun) -> Result<String, ReportError
 /// How often a frame took how long.
 pub(crate) fn latency_distribution(run: &ReportedRun) -> Result<String, ReportError> {
     let series = run.stages.iter().enumerate().filter_map(|(place, stage)| {
-        let all: u64 = stage.latency_counts.iter().map(|(_, n)| n).sum();
+        let all: u64 = stage.latency_counts.iter().fold(0, |sum, (_, n)| sum.saturating_add(*n));
         if all < LEAST_COUNT {
             return None;
         }
@@ -46,9 +46,9 @@ pub(crate) fn latency_distribution(run: &ReportedRun) -> Result<String, ReportEr
             points.extend([(begin, share), (end_ms.log10(), share)]);
         }
         let first = points.iter().position(|p| p.1 > 0.0)?.saturating_sub(1);
-        let last = points.iter().rposition(|p| p.1 > 0.0)? + 1;
-        let points = points[first..=last.min(points.len() - 1)].to_vec();
-        let colour = CYCLE[place % CYCLE.len()];
+        let last = points.iter().rposition(|p| p.1 > 0.0)?;
+        let points = points.into_iter().take(last.saturating_add(2)).skip(first).collect();
+        let colour = cycled(place);
         Some(Series { name: title(&stage.name), colour, points, size: 1.5, form: ChartForm::Line })
     });
     let series: Vec<Series> = series.collect();
@@ -125,7 +125,7 @@ pub(crate) fn events(run: &ReportedRun) -> String {
         n => format!("<p class=\"note\">{n} earlier ones are in log.txt.</p>"),
     };
     let open = if run.events.len() <= 12 { " open" } else { "" };
-    let n = run.events.len() + run.n_more_events;
+    let n = run.events.len().saturating_add(run.n_more_events);
     format!(
         "<details{open}><summary>Warnings and errors in the log ({n})</summary>{more}<ul class=\"log\">{lines}</ul></details>"
     )
@@ -141,7 +141,7 @@ fn of_each_stage(run: &ReportedRun, value: impl Fn(&Point) -> Option<f64>) -> Ve
             .samples
             .iter()
             .filter_map(|sample| value(sample.stages.get(&stage.name)?).map(|value| (sample.at_s, value)));
-        let colour = CYCLE[place % CYCLE.len()];
+        let colour = cycled(place);
         let points: Vec<_> = points.collect();
         // A line through one point cannot be seen.
         let (form, size) = if points.len() == 1 { (ChartForm::Dots, 3.0) } else { (ChartForm::Line, 1.4) };

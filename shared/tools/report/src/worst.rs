@@ -5,7 +5,7 @@ use tessera_outputs::html::escaped;
 
 /// Letter of the n-th frame to look at, in plots and beside its pictures.
 pub(crate) fn letter(place: usize) -> String {
-    char::from(b'A' + (place % 26) as u8).to_string()
+    ('A'..='Z').cycle().nth(place).unwrap_or('A').to_string()
 }
 
 /// The pictures, or why there are none.

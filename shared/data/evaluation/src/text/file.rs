@@ -288,7 +288,6 @@ pub fn write_tum_row(writer: &mut dyn Write, stamp_nanos: i64, world_from_camera
 }
 
 /// A pose by its rotation as a matrix and its translation, metres; `None`: the matrix is no rotation.
-#[expect(clippy::arithmetic_side_effects, reason = "matrices of floating-point numbers")]
 pub(crate) fn of_matrix(rotation: Matrix3<f64>, [x, y, z]: [f64; 3]) -> Option<Pose> {
     let is_rotation = (rotation * rotation.transpose() - Matrix3::identity()).amax() <= ROTATION_TOLERANCE
         && rotation.determinant() > 0.0;

@@ -12,7 +12,6 @@ const UNKNOWN_RATE_RAD_PER_S: f64 = 3.0;
 /// The rotation at each stamp since the first one. Rates between two samples are taken to change
 /// evenly; before the first, after the last and in gaps the nearest one holds, and the variance
 /// says that this is a guess. Both lists increase.
-#[expect(clippy::arithmetic_side_effects, reason = "rotations of floating-point numbers")]
 pub fn rotations(model: &ImuModel, samples: &[GyroSample], stamps_nanos: &[i64]) -> Vec<InertialRotation> {
     let mut rotation = UnitQuaternion::identity();
     let mut variance_rad2 = 0.0;

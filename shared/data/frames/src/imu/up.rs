@@ -56,7 +56,6 @@ struct TurnedForce {
 }
 
 /// The forces around a time, in the camera's axes of that time: those between which the gyroscope has no gap.
-#[expect(clippy::arithmetic_side_effects, reason = "vectors of floating-point numbers")]
 fn turned(
     model: &ImuModel,
     rates: &[GyroSample],
@@ -110,7 +109,6 @@ fn gaps(stamps_nanos: &[i64], attitudes: &[InertialRotation]) -> Vec<bool> {
 }
 
 /// Up by the mean over a time of that length, with the frame in its middle as far as there are measurements.
-#[expect(clippy::arithmetic_side_effects, reason = "vectors of floating-point numbers")]
 fn mean_up(model: &ImuModel, turned: &[TurnedForce], length_s: f64) -> Option<UpDirection> {
     let (first, last) = (turned.first()?.since_s, turned.last()?.since_s);
     let begin_s = (-0.5 * length_s).min(last - length_s).max(first);

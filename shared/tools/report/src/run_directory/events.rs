@@ -13,12 +13,12 @@ const MOST: usize = 60;
 pub(super) fn read(log: &Path) -> (Vec<Event>, usize) {
     let Ok(file) = File::open(log) else { return (Vec::new(), 0) };
     let mut newest = VecDeque::new();
-    let mut n_more = 0;
+    let mut n_more = 0_usize;
     for line in BufReader::new(file).split(b'\n').map_while(Result::ok) {
         let Some(event) = event(&String::from_utf8_lossy(&line)) else { continue };
         if newest.len() == MOST {
             newest.pop_front();
-            n_more += 1;
+            n_more = n_more.saturating_add(1);
         }
         newest.push_back(event);
     }

@@ -28,7 +28,7 @@ impl FrameView {
     pub(crate) fn new<'a>(world_from_cameras: impl Iterator<Item = &'a Pose>) -> Self {
         let sum: Vector3<f64> = world_from_cameras.map(|pose| pose.rotation * -Vector3::y()).sum();
         let up = sum.iamax();
-        let sign = if sum[up] < 0.0 { -1.0 } else { 1.0 };
+        let sign = if sum.get(up).is_some_and(|length| *length < 0.0) { -1.0 } else { 1.0 };
         // Right-handed: right x forward = up.
         Self(match up {
             0 => [(1, 1.0), (2, sign), (0, sign)],
@@ -64,7 +64,7 @@ pub(super) fn place(replay: &Replay, truth: Option<&Trajectory>) -> Placed {
     let mut errors = vec![None; poses.len()];
     if let Some(ate) = &compared {
         for ((_, at), error) in ate.pairs.iter().zip(&ate.errors_m) {
-            errors[*at] = Some(*error);
+            errors.get_mut(*at).into_iter().for_each(|found| *found = Some(*error));
         }
     }
     let begin = replay.frames.first().map_or(0, |frame| frame.stamp_nanos);
@@ -72,8 +72,8 @@ pub(super) fn place(replay: &Replay, truth: Option<&Trajectory>) -> Placed {
     // Frames of submaps that are apart stand at the frame of the main one before them.
     let places: Vec<(usize, bool)> = is_main
         .iter()
-        .scan(0, |n, is_main| {
-            *n += usize::from(*is_main);
+        .scan(0_usize, |n, is_main| {
+            *n = n.saturating_add(usize::from(*is_main));
             Some((n.saturating_sub(1), *is_main))
         })
         .collect();

@@ -45,7 +45,7 @@ pub fn write_read(run: &ReadRun, path: &Path) -> Result<(), ToolError> {
 /// Names the file of a run that cannot be read.
 pub(crate) fn page_of(run_folders: &[&Path]) -> Result<String, ToolError> {
     // Runs side by side share what one page may hold.
-    let most_points = MOST_POINTS / run_folders.len().clamp(1, MOST_SCENES);
+    let most_points = MOST_POINTS.checked_div(run_folders.len().min(MOST_SCENES)).unwrap_or(0);
     let runs: Vec<ReportedRun> = run_folders
         .iter()
         .enumerate()

@@ -25,11 +25,9 @@ pub(super) fn add(worst: &mut [WorstFrame], replay: &Replay, settings: &Settings
     let mut reconstructor =
         Reconstructor::new(source.camera(), &settings.surface).map_err(|error| error.to_string())?;
     for frame in worst {
-        let stamp_nanos = replay
-            .frames
-            .binary_search_by_key(&frame.index, |record| record.index)
-            .map(|place| replay.frames[place].stamp_nanos);
-        if source.stamp_nanos(frame.index) != stamp_nanos.ok() {
+        let place = replay.frames.binary_search_by_key(&frame.index, |record| record.index);
+        let record = place.ok().and_then(|place| replay.frames.get(place));
+        if source.stamp_nanos(frame.index) != record.map(|record| record.stamp_nanos) {
             return Err(format!("the recording has changed: frame {} has another time", frame.index));
         }
         add_to(frame, &*source, &mut reconstructor)?;
@@ -37,6 +35,7 @@ pub(super) fn add(worst: &mut [WorstFrame], replay: &Replay, settings: &Settings
     Ok(())
 }
 
+#[expect(clippy::arithmetic_side_effects, reason = "an image of the camera's size, which is checked")]
 fn add_to(frame: &mut WorstFrame, source: &dyn Source, surface: &mut Reconstructor) -> Result<(), String> {
     let Camera { width, height, .. } = *source.camera();
     let (width, height) = (width as usize, height as usize);
@@ -60,6 +59,12 @@ fn add_to(frame: &mut WorstFrame, source: &dyn Source, surface: &mut Reconstruct
 }
 
 /// The mesh as the camera sees it, lit from one side: each quad in the light of its corners.
+#[expect(
+    clippy::arithmetic_side_effects,
+    clippy::cast_possible_truncation,
+    clippy::indexing_slicing,
+    reason = "places in a grid and in its picture"
+)]
 fn shaded(grid: Grid, vertices: &[Vertex]) -> (usize, usize, Vec<u8>) {
     let scale = LEAST_COLUMNS.div_ceil(grid.width).max(1);
     let (columns, rows) = (grid.width * scale, grid.height * scale);

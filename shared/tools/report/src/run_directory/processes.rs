@@ -13,10 +13,10 @@ pub(super) fn stages(summary: &Summary, timeline: &Timeline) -> Vec<StageFigures
         .map(|&name| {
             let latency = summary.latency_ms.get(name).copied().unwrap_or_default();
             let counts = timeline.latency_counts.get(name).map_or(&[][..], Vec::as_slice);
-            let end_ms = |bucket: usize| TimeCounts::begin_nanos(bucket + 1) as f64 * 1e-6;
+            let end_ms = |bucket: usize| TimeCounts::begin_nanos(bucket.saturating_add(1)) as f64 * 1e-6;
             StageFigures {
                 name: name.to_owned(),
-                frames: counts.iter().sum(),
+                frames: counts.iter().copied().fold(0, u64::saturating_add),
                 restarts: summary.restarts.get(name).copied().unwrap_or(0),
                 latency_ms: [latency.p50, latency.p99, latency.max],
                 cpu_ms_per_frame: summary.cpu_ms_per_frame.get(name).copied(),

@@ -126,8 +126,7 @@ pub(crate) fn moved(page_from_world: &Pose, position: &Vector3<f64>) -> Vector3<
 }
 
 pub(crate) fn rows(pose: &Pose) -> [[f64; 4]; 3] {
-    let matrix = pose.to_homogeneous();
-    [0, 1, 2].map(|row| [0, 1, 2, 3].map(|column| matrix[(row, column)]))
+    pose.to_homogeneous().fixed_rows::<3>(0).transpose().into()
 }
 
 pub(crate) fn placed_point(page_from_world: &Pose, point: &MapPoint) -> ScenePoint {

@@ -1,4 +1,10 @@
 //! A scene as text: numbers in columns, each in base64, little-endian.
+#![expect(
+    clippy::arithmetic_side_effects,
+    clippy::cast_possible_truncation,
+    clippy::indexing_slicing,
+    reason = "numbers cut to the bytes that the page has for them, along three axes"
+)]
 
 use super::{
     MOST_FRAMES, MOST_KEYFRAMES, MOST_LOOPS, MOST_SUBMAPS, MOST_TRUTH, ReportScene, ScenePart, SceneRobot,
@@ -123,7 +129,7 @@ fn frames(scene: &ReportScene) -> String {
     let frames = || thin(&scene.frames, MOST_FRAMES);
     format!(
         "{{\"index\":\"{}\",\"time_s\":\"{}\",\"state\":\"{}\",\"part\":\"{}\",\"submap\":\"{}\",\"robot\":\"{}\",\"position\":\"{}\",\"rotation\":\"{}\",\"std_m\":\"{}\"}}",
-        base64(frames().flat_map(|f| (f.index as u32).to_le_bytes())),
+        base64(frames().flat_map(|f| u32::try_from(f.index).unwrap_or(u32::MAX).to_le_bytes())),
         floats(frames().map(|f| f.time_s)),
         base64(frames().map(|f| state(f.state))),
         base64(frames().map(|f| f.part.min(255) as u8)),

@@ -38,13 +38,11 @@ pub(super) fn matrix<'m>(m: &'m [f64], path: &Path) -> Result<&'m [f64; 16], Sou
 }
 
 /// How far a matrix is from a rotation or a reflection.
-#[expect(clippy::arithmetic_side_effects, reason = "matrices of floating-point numbers")]
 fn skew(rotation: &Matrix3<f64>) -> f64 {
     (rotation * rotation.transpose() - Matrix3::identity()).amax()
 }
 
 /// A pose of a camera with y up and z backward, as of ARKit and of renderers, with y down and z forward.
-#[expect(clippy::arithmetic_side_effects, reason = "poses of floating-point numbers")]
 pub(super) fn y_down(pose: &Pose) -> Pose {
     let half_turn = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
     Pose::from_parts(pose.translation, pose.rotation * half_turn)
