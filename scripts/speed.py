@@ -98,17 +98,22 @@ def measure_run(tessera, arguments):
     return found | {"live_p50_ms": latency["p50"], "live_p99_ms": latency["p99"]}
 
 
-def measure_runs(tessera, rounds):
-    """Figures of each sequence, sequences in turn."""
+def commands():
+    """Arguments of each sequence; ends the script where one is not here."""
     data = pathlib.Path(os.environ.get("TESSERA_SHARED", ROOT.parent / "shared")) / "data"
-    commands = {name: [argument.replace("{data}", str(data)) for argument in of] for name, of in RUNS.items()}
-    missing = [command[0] for command in commands.values() if not pathlib.Path(command[0]).is_dir()]
+    found = {name: [argument.replace("{data}", str(data)) for argument in of] for name, of in RUNS.items()}
+    missing = {command[0] for command in found.values() if not pathlib.Path(command[0]).is_dir()}
     if missing:
-        sys.exit(f"not written: there is no {', '.join(missing)}")
-    runs = {name: [] for name in commands}
+        sys.exit(f"not written: there is no {', '.join(sorted(missing))}")
+    return found
+
+
+def measure_runs(tessera, sequences, rounds):
+    """Figures of each sequence, sequences in turn."""
+    runs = {name: [] for name in sequences}
     for _ in range(rounds):
-        for name in runs:
-            runs[name].append(measure_run(tessera, commands[name]))
+        for name, command in sequences.items():
+            runs[name].append(measure_run(tessera, command))
     return {name: medians.spreads(FIGURES, of) for name, of in runs.items()}
 
 
@@ -140,13 +145,14 @@ def main():
     known = medians.read(BASELINE)
     if arguments.pages:
         return write_pages(known)
+    sequences = commands() if arguments.write else {}
     builds = [arguments.tessera] + ([arguments.against] if arguments.against else [])
     alone = measure_alone(builds, arguments.rounds)
     for build, found in alone.items():
         print(f"{build}\n{medians.table(FIGURES[:3], 'sequence', {ALONE: found})}")
     own = alone[arguments.tessera]
     if arguments.write:
-        found = {ALONE: own} | measure_runs(arguments.tessera, arguments.rounds)
+        found = {ALONE: own} | measure_runs(arguments.tessera, sequences, arguments.rounds)
         print(medians.table(FIGURES, "sequence", found))
         return write(found, arguments.rounds)
     slower = []
