@@ -17,18 +17,15 @@ import argparse
 import json
 import os
 import pathlib
-import re
-import statistics
 import subprocess
 import sys
-import tomllib
 
-ROOT = pathlib.Path(__file__).resolve().parent.parent
+import medians
+from medians import ROOT
+
 BASELINE = ROOT / "tests/data/accuracy.toml"
 PAGE = ROOT / "docs/accuracy.md"
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-MEDIAN = re.compile(r"(<!-- median of (.+?): (\w+) -->)[0-9.]+")
-BEGIN, END = "<!-- scripts/accuracy.py: begin -->", "<!-- scripts/accuracy.py: end -->"
+HEADER = "# Written by scripts/accuracy.py --write: median, least and most over the seeds."
 
 # Name, arguments of run_sequence; `{data}` is the folder of recordings.
 SEQUENCES = {
@@ -81,64 +78,15 @@ def build():
 def measure(program, arguments, seeds):
     command = [str(program), *arguments, "--seeds", str(seeds), "--json"]
     out = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout
-    runs = [json.loads(line) for line in out.splitlines() if line.startswith("{")]
-    result = {}
-    for _, key, _, _ in FIGURES:
-        values = [run[key] for run in runs if run.get(key) is not None]
-        if values:
-            result[key] = [statistics.median(values), min(values), max(values)]
-    return result
-
-
-def cell(figures, decimals):
-    if figures is None:
-        return "-"
-    median, least, most = (f"{value:.{decimals}f}" for value in figures)
-    return median if least == most else f"{median} ({least} to {most})"
+    return medians.spreads(FIGURES, [json.loads(line) for line in out.splitlines() if line.startswith("{")])
 
 
 def table(results):
-    rows = ["| sequence | " + " | ".join(name for name, *_ in FIGURES) + " |", "|" + "-|" * (len(FIGURES) + 1)]
-    for name, result in results.items():
-        cells = [cell(result.get(key), decimals) for _, key, decimals, _ in FIGURES]
-        rows.append(f"| {name} | " + " | ".join(cells) + " |")
-    return "\n".join(rows)
-
-
-def worse(result, baseline):
-    """Names of the figures whose median is outside the baseline's spread, on its bad side."""
-    found = []
-    for name, key, decimals, is_less_better in FIGURES:
-        if is_less_better is None or key not in result or key not in baseline:
-            continue
-        median, (_, least, most) = result[key][0], baseline[key]
-        step = 0.5 * 10**-decimals
-        if median > most + step if is_less_better else median < least - step:
-            found.append(f"{name} {median:.{decimals}f}, baseline {least:.{decimals}f} to {most:.{decimals}f}")
-    return found
-
-
-def toml_text(results):
-    lines = ["# Written by scripts/accuracy.py --write: median, least and most over the seeds."]
-    for name, result in results.items():
-        lines += ["", f"[{json.dumps(name)}]"]
-        lines += [f"{key} = [{', '.join(f'{value:.6g}' for value in map(float, v))}]" for key, v in result.items()]
-    return "\n".join(lines) + "\n"
+    return medians.table(FIGURES, "sequence", results)
 
 
 def write_pages(known):
-    def median(mark):
-        decimals = next(decimals for _, key, decimals, _ in FIGURES if key == mark[3])
-        return f"{mark[1]}{known[mark[2]][mark[3]][0]:.{decimals}f}"
-
-    for page in PAGES:
-        text = page.read_text()
-        changed = MEDIAN.sub(median, text)
-        if page == PAGE:
-            before, rest = changed.split(BEGIN)
-            changed = before + BEGIN + "\n" + table(known) + "\n" + END + rest.split(END)[1]
-        if changed != text:
-            page.write_text(changed)
+    medians.write_pages(FIGURES, known, PAGE, "accuracy.py", table(known))
 
 
 def main():
@@ -148,7 +96,7 @@ def main():
     parser.add_argument("--write", action="store_true", help="make the result the baseline, and write it into the pages")
     parser.add_argument("--pages", action="store_true", help="write the baseline into the pages, without a run")
     options = parser.parse_args()
-    known = tomllib.loads(BASELINE.read_text()) if BASELINE.exists() else {}
+    known = medians.read(BASELINE)
     if options.pages:
         return write_pages(known)
     data = pathlib.Path(os.environ.get("TESSERA_SHARED", ROOT.parent / "shared")) / "data"
@@ -163,14 +111,14 @@ def main():
             print(f"{name}: left out, there is no {arguments[0]}", file=sys.stderr)
             continue
         results[name] = measure(program, arguments, options.seeds)
-        cells = [f"{column} {cell(results[name].get(key), decimals)}" for column, key, decimals, _ in FIGURES]
+        cells = [f"{column} {medians.cell(results[name].get(key), decimals)}" for column, key, decimals, _ in FIGURES]
         print(f"{name}: {'; '.join(cells)}", file=sys.stderr, flush=True)
     print(table(results))
     if options.write:
         known = {name: results.get(name, known.get(name)) for name in SEQUENCES if name in results or name in known}
-        BASELINE.write_text(toml_text(known))
+        medians.write_file(BASELINE, HEADER, known)
         return write_pages(known)
-    faults = {name: worse(result, known[name]) for name, result in results.items() if name in known}
+    faults = {name: medians.worse(FIGURES, result, known[name]) for name, result in results.items() if name in known}
     for name, found in faults.items():
         for fault in found:
             print(f"worse: {name}: {fault}")

@@ -1,4 +1,4 @@
-"""Reads exported files with Open3D, trimesh, evo, pycolmap and Pillow; see check_exports.sh."""
+"""Reads exported files with Open3D, trimesh, evo, pycolmap, nerfbaselines and Pillow; see check_exports.sh."""
 
 import importlib
 import json
@@ -99,6 +99,30 @@ else:
     check(same == "True" and (cameras, model) == ("1", "PINHOLE"), "pycolmap: binary and text are the same model")
     check(int(images) > 1 and int(points) > 1000, f"pycolmap: {images} images, {points} points")
     check(float(off) < 1e-6, f"pycolmap: camera centres differ by {off} m from trajectory.txt")
+
+# The reader of nerfstudio's data without its torch: nerfbaselines' own.
+if library("nerfbaselines") and library("PIL"):
+    from nerfbaselines.datasets.nerfstudio import load_nerfstudio_dataset
+
+    rows = [line.split() for line in (run / "trajectory.txt").read_text().splitlines() if line[0] != "#"]
+    meta, off, turned, n_images = json.loads((work / "nerf" / "transforms.json").read_text()), 0.0, 0.0, 0
+    # Of few images none is left for the second.
+    both = [load_nerfstudio_dataset(work / "nerf", split) for split in ("train", "test")]
+    for dataset in (of for of in both if of["image_paths"]):
+        lenses = {tuple(row) for row in dataset["cameras"].intrinsics.tolist()}
+        check(len(lenses) == 1, "nerfbaselines: one camera")
+        wrong = max(abs(a - meta[key]) for a, key in zip(*lenses, ("fl_x", "fl_y", "cx", "cy")))
+        check(wrong < 1e-3, f"nerfbaselines: its lens differs by {wrong:.1e} px from transforms.json")
+        n_images += len(dataset["image_paths"])
+        for path, pose in zip(dataset["image_paths"], dataset["cameras"].poses):
+            x, y, z, a, b, c, w = map(float, rows[int(Path(path).stem)][1:8])
+            off = max(off, max(abs(found - row) for found, row in zip(pose[:3, 3], (x, y, z))))
+            # The third axis of the camera, of the quaternion.
+            ahead = (2 * (a * c + w * b), 2 * (b * c - w * a), 1 - 2 * (a * a + b * b))
+            turned = max(turned, max(abs(found - row) for found, row in zip(pose[:3, 2], ahead)))
+    check(n_images == len(meta["frames"]), f"nerfbaselines: {n_images} images")
+    words = f"centres differ by {off:.1e} m, directions of view by {turned:.1e}"
+    check(max(off, turned) < 1e-5, f"nerfbaselines: {words} from trajectory.txt")
 
 if library("PIL"):
     from PIL import Image

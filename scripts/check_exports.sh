@@ -1,8 +1,9 @@
 #!/bin/sh
-# Opens what `tessera export` writes with other people's libraries: Open3D, trimesh, evo, pycolmap and Pillow
-# from PyPI.
+# Opens what `tessera export` writes with other people's libraries: Open3D, trimesh, evo, pycolmap,
+# nerfbaselines and Pillow from PyPI.
 #   scripts/check_exports.sh [RUN_FOLDER]      (default: a fresh run of 60 frames of the simulated room)
-# Skips, with a reason, what is not installed: python3 -m pip install open3d trimesh evo pycolmap pillow
+# Skips, with a reason, what is not installed: python3 -m pip install open3d trimesh evo pycolmap pillow, and
+# python3 -m pip install --no-deps nerfbaselines tqdm
 # TESSERA and PYTHON name other executables than target/release/tessera and python3.
 set -eu
 cd "$(dirname "$0")/.."

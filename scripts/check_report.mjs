@@ -132,7 +132,7 @@ async function wide() {
   // Two clicks are a distance between points of the map.
   await page.click('[data-do=whole]');
   await drawn(page);
-  const ruler = () => page.$eval('.ruler', label => ({ words: label.textContent, ends: JSON.parse(label.dataset.ends), hidden: label.hidden }));
+  const ruler = () => page.$eval('.ruler', label => ({ words: label.textContent, ends: JSON.parse(label.dataset.ends ?? '[]'), hidden: label.hidden }));
   // Where points are: a first click there waits for a second one.
   const hits = [];
   const clear = () => page.mouse.click(box.x + 3, box.y + 3);

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 """What a run says of wrong depth units and of a wrong lens, and whether it is silent with the right camera.
 
-    scripts/wrong_camera.py [--tessera target/release/tessera] [--frames 300] FOLDER...
+    scripts/wrong_camera.py [--tessera target/release/tessera] [--frames 300] [--focal 1.17]... FOLDER...
     scripts/wrong_camera.py --right [--seeds 5] FOLDER|WORLD...
 
 The first plants errors in the camera of each folder: depth units of five times and a fifth, focal
-lengths 10 % too short and too long, with and without the ground truth. The second changes nothing
+lengths 10 % too short and too long (or by the factors of --focal alone), with and without the ground truth. The second changes nothing
 but the seed of the samples (of the world itself for simulated ones) and counts verdicts. Both print
 rows for docs/verdict.md. Needs nothing but Python.
 """
@@ -74,7 +74,8 @@ def planted(arguments):
     print("| Sequence | Error planted | ATE (m) | Verdict | Without ground truth | With `--refine-camera` |\n|-|-|-|-|-|-|")
     for sequence in map(pathlib.Path, arguments.sources):
         text = (sequence / "camera.toml").read_text()
-        for name, units, focal in ERRORS:
+        errors = [(f"focal length x {focal}", 1.0, focal) for focal in arguments.focal] or ERRORS
+        for name, units, focal in errors:
             with tempfile.TemporaryDirectory() as folder:
                 folder = pathlib.Path(folder)
                 (folder / "camera.toml").write_text(camera_with(text, units, focal))
@@ -114,6 +115,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--tessera", default="target/release/tessera")
     parser.add_argument("--frames", type=int, default=300)
+    parser.add_argument("--focal", type=float, action="append", default=[], metavar="FACTOR")
     parser.add_argument("--right", action="store_true")
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("sources", nargs="+", metavar="SOURCE")

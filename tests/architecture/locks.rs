@@ -59,3 +59,18 @@ fn the_minimum_rust_version_is_stated_alike() {
         "docs/viewer.md: Rust {of_viewer}"
     );
 }
+
+/// `scripts/package.sh` builds both into one folder: with another profile each crate would be compiled twice.
+#[test]
+fn the_wheel_is_built_by_the_profile_of_the_workspace() {
+    let table = |name: &str| fs::read_to_string(root().join(name)).unwrap().parse::<toml::Table>().unwrap();
+    let lock = table("python/Cargo.lock");
+    let is_there = |name: &str| {
+        lock["package"].as_array().unwrap().iter().any(|package| package["name"].as_str() == Some(name))
+    };
+    let [mut of_workspace, of_wheel] =
+        ["Cargo.toml", "python/Cargo.toml"].map(|name| table(name)["profile"]["release"].clone());
+    let packages = of_workspace.get_mut("package").and_then(|packages| packages.as_table_mut()).unwrap();
+    packages.retain(|name, _| is_there(name));
+    assert_eq!(of_wheel, of_workspace);
+}

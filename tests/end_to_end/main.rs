@@ -96,5 +96,6 @@ mod interfaces {
         mod external;
         mod foreign_camera;
         mod realsense;
+        mod vendor_cameras;
     }
 }

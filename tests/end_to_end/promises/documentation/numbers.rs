@@ -1,4 +1,4 @@
-//! The numbers of the pages: those of accuracy are the table's, and the README's sample is what comes.
+//! The numbers of the pages: those of accuracy and speed are the tables', and the README's sample is what comes.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -15,20 +15,27 @@ fn read(path: &Path) -> String {
     std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// Median, least and most of each figure of each sequence.
-fn table() -> toml::Table {
-    read(&root().join("tests/data/accuracy.toml")).parse().unwrap()
+/// Median, least and most of each figure of each sequence: `accuracy` or `speed`.
+fn table(name: &str) -> toml::Table {
+    read(&root().join(format!("tests/data/{name}.toml"))).parse().unwrap()
 }
 
-fn figures(table: &toml::Table, sequence: &str, key: &str) -> [f64; 3] {
-    let row = table.get(sequence).and_then(|row| row.get(key)).and_then(|row| row.as_array());
-    let row = row.unwrap_or_else(|| panic!("no {key} of {sequence} in tests/data/accuracy.toml"));
-    std::array::from_fn(|at| row[at].as_float().unwrap())
+fn figures(table: &toml::Table, sequence: &str, key: &str) -> Option<[f64; 3]> {
+    let row = table.get(sequence)?.get(key)?.as_array()?;
+    let number = |value: &toml::Value| value.as_float().or(value.as_integer().map(|whole| whole as f64));
+    Some(std::array::from_fn(|at| number(&row[at]).unwrap()))
+}
+
+/// As the scripts write it: the median, and the spread where there is one.
+fn cell(table: &toml::Table, sequence: &str, key: &str, decimals: usize) -> String {
+    let Some(figures) = figures(table, sequence, key) else { return "-".to_owned() };
+    let [median, least, most] = figures.map(|value| format!("{value:.decimals$}"));
+    if least == most { median } else { format!("{median} ({least} to {most})") }
 }
 
 #[test]
-fn medians_of_the_pages_are_those_of_the_table() {
-    let table = table();
+fn medians_of_the_pages_are_those_of_the_tables() {
+    let tables = ["accuracy", "speed"].map(table);
     let mut n_medians = 0;
     let pages = std::fs::read_dir(root().join("docs")).unwrap().flatten().map(|item| item.path());
     for page in pages.filter(|page| page.extension().is_some_and(|end| end == "md")) {
@@ -37,26 +44,31 @@ fn medians_of_the_pages_are_those_of_the_table() {
             let (sequence, key) = name.split_once(": ").unwrap();
             let number: String = rest.chars().take_while(|c| c.is_ascii_digit() || *c == '.').collect();
             let decimals = number.split_once('.').map_or(0, |(_, decimals)| decimals.len());
-            let [median, ..] = figures(&table, sequence, key);
+            let found = tables.iter().find_map(|table| figures(table, sequence, key));
+            let [median, ..] = found.unwrap_or_else(|| panic!("{}: no {name} in a table", page.display()));
             let expected = format!("{median:.decimals$}");
-            assert_eq!(number, expected, "{}: {name}; scripts/accuracy.py --pages", page.display());
+            let mend = "scripts/accuracy.py --pages; scripts/speed.py --pages";
+            assert_eq!(number, expected, "{}: {name}; {mend}", page.display());
             n_medians += 1;
         }
     }
-    assert!(n_medians >= 9, "{n_medians}");
+    assert!(n_medians >= 17, "{n_medians}");
+}
+
+/// The first columns of each row, with their decimals.
+fn has_the_rows_of(name: &str, page: &str, columns: [(&str, usize); 2]) {
+    let (table, text) = (table(name), read(&root().join("docs").join(page)));
+    for sequence in table.iter().filter(|(_, row)| row.is_table()).map(|(sequence, _)| sequence) {
+        let cells = columns.map(|(key, decimals)| cell(&table, sequence, key, decimals));
+        let row = format!("| {sequence} | {} |", cells.join(" | "));
+        assert!(text.contains(&row), "docs/{page} has no row {row}; scripts/{name}.py --pages");
+    }
 }
 
 #[test]
-fn the_table_of_the_page_is_that_of_the_baseline() {
-    let (table, page) = (table(), read(&root().join("docs/accuracy.md")));
-    for sequence in table.keys() {
-        let cell = |key| {
-            let [median, least, most] = figures(&table, sequence, key).map(|value| format!("{value:.4}"));
-            if least == most { median } else { format!("{median} ({least} to {most})") }
-        };
-        let row = format!("| {sequence} | {} | {} |", cell("ate_final_m"), cell("ate_online_m"));
-        assert!(page.contains(&row), "docs/accuracy.md has no row {row}; scripts/accuracy.py --pages");
-    }
+fn the_tables_of_the_pages_are_those_of_the_baselines() {
+    has_the_rows_of("accuracy", "accuracy.md", [("ate_final_m", 4), ("ate_online_m", 4)]);
+    has_the_rows_of("speed", "performance.md", [("reconstruct_cpu_ms", 2), ("align_cpu_ms", 2)]);
 }
 
 #[test]
