@@ -49,10 +49,11 @@ FIGURES = [
 
 
 def processor():
-    """The processor's name as Linux has it."""
+    """The processor's name as Linux has it, with family and model: virtual machines give several one name."""
     lines = pathlib.Path("/proc/cpuinfo").read_text().splitlines()
-    named = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    return named[0] if named else "unknown"
+    known = {key.strip(): value.strip() for key, _, value in (line.partition(":") for line in lines)}
+    name, family, model = (known.get(key, "unknown") for key in ("model name", "cpu family", "model"))
+    return f"{name} (family {family}, model {model})"
 
 
 def record(tessera, stage, folder):
