@@ -22,6 +22,8 @@ pub struct PairReport {
     pub n_queries: u32,
     /// Queries that fell on a measured part of the target.
     pub n_in_view: u32,
+    /// Of these, queries that fell within its surface, where a match may be.
+    pub n_within: u32,
     /// Matches kept.
     pub n_matches: u32,
     /// Median of the normal residual over its standard deviation.
@@ -39,6 +41,11 @@ impl PairReport {
     /// Share of those in view that have a match.
     pub fn matched(&self) -> f64 {
         share(self.n_matches, self.n_in_view)
+    }
+
+    /// Share of those within the target's surface that have a match.
+    pub fn matched_within(&self) -> f64 {
+        share(self.n_matches, self.n_within)
     }
 
     /// Share of those in view that are in front.
@@ -159,7 +166,7 @@ impl Matcher {
             }
         };
         self.steps.enter(Step::Reject);
-        let n_in_front = self.arch.dispatch(Reject {
+        let [n_within, n_in_front] = self.arch.dispatch(Reject {
             found: &mut self.found,
             q: &self.located.q,
             points: &self.chosen.points,
@@ -179,7 +186,7 @@ impl Matcher {
         let sums = self.arch.dispatch(accumulate);
         let n_queries = n_queries as u32;
         let n_matches = sums.upper.n + sums.lower.n;
-        (sums, PairReport { n_queries, n_in_view, n_matches, median_residual_sigmas, n_in_front })
+        (sums, PairReport { n_queries, n_in_view, n_within, n_matches, median_residual_sigmas, n_in_front })
     }
 
     /// What the matches found last, by this target and pose, tell of the readout.

@@ -28,20 +28,21 @@ pub(crate) struct Reject<'a> {
 }
 
 impl pulp::WithSimd for Reject<'_> {
-    /// Queries that lie more than three standard deviations in front of the target's surface.
-    type Output = u32;
+    /// Queries that fell within the target's surface, and those that lie more than three standard deviations in front of
+    /// it.
+    type Output = [u32; 2];
 
     #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _simd: S) -> u32 {
+    fn with_simd<S: pulp::Simd>(self, _simd: S) -> [u32; 2] {
         if self.shutter.is_global() { reject::<false>(self) } else { reject::<true>(self) }
     }
 }
 
 #[inline(always)]
-fn reject<const IS_ROLLING: bool>(it: Reject<'_>) -> u32 {
+fn reject<const IS_ROLLING: bool>(it: Reject<'_>) -> [u32; 2] {
     let Reject { found, q, points, normals, motion, shutter, noise, limits } = it;
     let sigma = |z: Lanes| z.map(|z| noise.sigma_m(z));
-    let mut in_front = [0u32; LANES];
+    let (mut within, mut in_front) = ([0u32; LANES], [0u32; LANES]);
     for at in (0..found.len()).step_by(LANES) {
         let (mut b, mut nb) = (found.b.load(at), found.nb.load(at));
         let (sigma_a, sigma_b) = (sigma(Lanes::load(&points.z, at)), sigma(b[2]));
@@ -61,6 +62,7 @@ fn reject<const IS_ROLLING: bool>(it: Reject<'_>) -> u32 {
         for l in 0..LANES {
             let is_in_front = (residual.0[l] < 0.0) & (residual_sq.0[l] > 9.0 * variance.0[l]);
             in_front[l] += u32::from(is_in_front);
+            within[l] += u32::from(is_inner.0[l] > 0.0);
         }
         let keep: [bool; LANES] = from_fn(|l| {
             (is_inner.0[l] > 0.0) & (distance_sq.0[l] <= limit_sq.0[l]) & (cosine.0[l] >= limits.cosine)
@@ -74,7 +76,7 @@ fn reject<const IS_ROLLING: bool>(it: Reject<'_>) -> u32 {
         sigmas.store(&mut found.sigmas, at);
         (Lanes::splat(1.0) / variance).only(keep).store(&mut found.weight, at);
     }
-    in_front.iter().sum()
+    [within, in_front].map(|counts| counts.iter().sum())
 }
 
 /// No closure: it would be compiled apart, for the oldest processors.

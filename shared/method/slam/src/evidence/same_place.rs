@@ -273,7 +273,7 @@ impl<'a> PlaceProbe<'a> {
     pub fn by_features(&mut self, query: usize, target: usize) -> Option<Pose> {
         let seen = [query, target].map(|k| self.sides[k].seen(self.context));
         let seed = (query as u64) << 32 | target as u64;
-        let found = self.finder.find(self.context, seen, &Pose::identity(), Reach::ANYWHERE, seed)?;
+        let found = self.finder.find(self.context, seen, &Pose::identity(), Reach::Anywhere, seed)?;
         Some(found.target_from_query)
     }
 
@@ -282,7 +282,7 @@ impl<'a> PlaceProbe<'a> {
     pub fn agreeing_share(&mut self, query: usize, target: usize) -> f64 {
         let seen = [query, target].map(|k| self.sides[k].seen(self.context));
         let seed = (query as u64) << 32 | target as u64;
-        let found = self.finder.find(self.context, seen, &Pose::identity(), Reach::ANYWHERE, seed);
+        let found = self.finder.find(self.context, seen, &Pose::identity(), Reach::Anywhere, seed);
         let vertices = self.sides[target].vertices();
         let surface = self.sides[target].target(&vertices).surface;
         found.map_or(0.0, |pair| {
@@ -303,13 +303,13 @@ impl<'a> PlaceProbe<'a> {
         let (at, evidence) = measure(&mut self.matcher, own.queries(), other, guess);
         let seen = [own.seen(self.context), other.seen(self.context)];
         let seed = (query as u64) << 32 | target as u64;
-        let found = self.finder.find(self.context, seen, &at, Reach::ANYWHERE, seed);
+        let found = self.finder.find(self.context, seen, &at, Reach::Anywhere, seed);
         let n_agreeing = found.map_or(0, |pair| n_agreeing(&pair.inliers, &at));
         let vertices = other.vertices();
         let surface = other.target(&vertices).surface;
         let n_expected = share * n_comparable(self.context, seen[0].observations, &surface, &at) as f64;
         let agree_near = || {
-            let near = self.finder.find(self.context, seen, &at, Reach::NEAR, seed);
+            let near = self.finder.find(self.context, seen, &at, Reach::Near, seed);
             near.is_some_and(|pair| makes_pose(&pair.inliers, &at))
         };
         let n_seen = seen.map(|side| side.features.len());

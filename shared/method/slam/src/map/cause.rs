@@ -142,7 +142,7 @@ pub enum Levelling {
 pub struct ReferenceFit {
     /// Share of the frame in its view.
     pub in_view: f64,
-    /// Share of that which is matched.
+    /// Share with a match of what falls within its surface.
     pub matched: f64,
     /// Share of the same which is in front of its surface.
     pub in_front: f64,

@@ -1,5 +1,6 @@
 //! The map as one tracking step sees it.
 
+use crate::map::culling::LOOKED_BACK_NANOS;
 use crate::map::state::{KeyframeState, TrackerState};
 
 /// The tracker's state, and in front of it a keyframe that this step would make, as far as it has one
@@ -78,9 +79,16 @@ impl<'a> MapView<'a> {
         self.keyframes().next_back()
     }
 
-    /// The newest keyframe, if this run made it.
+    /// The newest keyframe, if this run made it and others may be aligned to it: that of a component to which the camera
+    /// comes back after hours may have been culled.
     pub(crate) fn last_own_keyframe(&self) -> Option<&'a KeyframeState> {
-        self.last_keyframe().filter(|keyframe| self.is_own(keyframe))
+        self.last_keyframe().filter(|keyframe| self.is_own(keyframe) && keyframe.is_active())
+    }
+
+    /// Whether a keyframe has its surface at a time: of the culled ones those of the last seconds have it for sure.
+    pub(crate) fn is_at_hand(&self, keyframe: &KeyframeState, now_nanos: i64) -> bool {
+        let age_nanos = now_nanos.saturating_sub(keyframe.stamp_nanos);
+        keyframe.is_active() || self.is_own(keyframe) && age_nanos <= LOOKED_BACK_NANOS
     }
 
     /// Whether this run made a keyframe.
@@ -92,6 +100,7 @@ impl<'a> MapView<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::map::submaps::Submaps;
     use tessera_geometry::PoseBits;
 
     fn keyframe(id: u32, session: u32) -> KeyframeState {
@@ -110,6 +119,22 @@ mod tests {
             alike: Vec::new(),
             anchored_to: None,
         }
+    }
+
+    #[test]
+    fn a_culled_keyframe_of_long_ago_is_not_looked_at() {
+        let culled = KeyframeState { anchored_to: Some(0), stamp_nanos: 10_000_000_000, ..keyframe(1, 0) };
+        let newest = KeyframeState { submap: 1, ..keyframe(2, 0) };
+        let keyframes = vec![keyframe(0, 0), culled, newest];
+        let state = TrackerState { keyframes, submaps: Submaps::apart(2), ..TrackerState::default() };
+        let map = MapView::from(&state);
+        assert_eq!(map.last_keyframe().map(|k| k.id), Some(1));
+        assert!(map.last_own_keyframe().is_none());
+        assert_eq!(map.in_submap(1).last_own_keyframe().map(|k| k.id), Some(2));
+        let at_hand = |id: usize, seconds: i64| map.is_at_hand(&state.keyframes[id], seconds * 1_000_000_000);
+        assert!(at_hand(1, 15) && !at_hand(1, 16) && at_hand(0, 1000));
+        let later = TrackerState { session: 1, ..state.clone() };
+        assert!(!MapView::from(&later).is_at_hand(&state.keyframes[1], 15_000_000_000), "of an earlier run");
     }
 
     #[test]

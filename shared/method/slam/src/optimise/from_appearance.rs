@@ -119,7 +119,7 @@ fn by_features(
     seed: u64,
 ) -> Option<Pose> {
     let sides = [newer, older].map(|side| side.seen(context));
-    let found = finder.find(context, sides, &Pose::identity(), Reach::ANYWHERE, seed)?;
+    let found = finder.find(context, sides, &Pose::identity(), Reach::Anywhere, seed)?;
     Some(found.target_from_query)
 }
 

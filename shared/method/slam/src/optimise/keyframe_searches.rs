@@ -61,7 +61,7 @@ impl<'a> Keyframes<'a> {
         self.cache.shared(ids, guess, || {
             let sides = [places.0, places.1].map(|k| self.matchables.get(k).seen(self.context));
             let seed = u64::from(ids.0) << 32 | u64::from(ids.1);
-            let found = searcher.finder.find(self.context, sides, &guess.pose(), Reach::NEAR, seed);
+            let found = searcher.finder.find(self.context, sides, &guess.pose(), Reach::Near, seed);
             // Their sums are all that the graph needs.
             found.map(|pair| Arc::new(FeaturePair { inliers: Vec::new(), ..pair }))
         })

@@ -24,17 +24,29 @@ pub(crate) struct Seen<'a> {
     pub(crate) session: Option<u32>,
 }
 
-/// Search region of matches: within so many pixels of the predicted one, or anywhere.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Reach(Option<f64>);
+/// Search region of matches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Reach {
+    /// About a predicted pose.
+    Near,
+    /// Without one.
+    Anywhere,
+    /// About a pose that other features agree on: the pair's is refined from it, and no other is looked for.
+    Known,
+}
 
 impl Reach {
-    /// About a predicted pose.
-    pub(crate) const NEAR: Self = Self(Some(45.0));
-    /// Without one.
-    pub(crate) const ANYWHERE: Self = Self(None);
-    /// About a pose that other features agree on.
-    pub(crate) const KNOWN: Self = Self(Some(16.0));
+    const NEAR_PX: f64 = 45.0;
+    const KNOWN_PX: f64 = 16.0;
+
+    /// Largest distance from the predicted pixel; none without a prediction.
+    fn radius_px(self) -> Option<f64> {
+        match self {
+            Self::Near => Some(Self::NEAR_PX),
+            Self::Anywhere => None,
+            Self::Known => Some(Self::KNOWN_PX),
+        }
+    }
 }
 
 /// Buffers of matching and pose.
@@ -81,8 +93,10 @@ impl PairFinder {
         self.associate(context, [query, target], guess, reach);
         let correspondences = &self.correspondences;
         let guesses = [*guess];
-        let guesses = if reach.0.is_some() { &guesses[..] } else { &[] };
-        let found = estimate_pose(correspondences, guesses, seed, &self.pose_settings, &mut self.pose)?;
+        let guesses = if reach != Reach::Anywhere { &guesses[..] } else { &[] };
+        let most = if reach == Reach::Known { 0 } else { self.pose_settings.max_iterations };
+        let settings = PoseSettings { max_iterations: most, ..self.pose_settings.clone() };
+        let found = estimate_pose(correspondences, guesses, seed, &settings, &mut self.pose)?;
         let inliers: Vec<Correspondence> =
             found.inliers.iter().map(|i| correspondences[*i as usize]).collect();
         Some(FeaturePair::new(found.target_from_query, inliers))
@@ -101,7 +115,7 @@ impl PairFinder {
     }
 
     fn associate(&mut self, context: &Context, [query, target]: [Seen<'_>; 2], guess: &Pose, reach: Reach) {
-        let gates = reach.0.map(|radius_px| {
+        let gates = reach.radius_px().map(|radius_px| {
             self.gates.clear();
             let context = target.session.map_or(Cow::Borrowed(context), |session| context.of(session));
             let arch = context.registration.isa.arch();

@@ -60,7 +60,7 @@ pub fn seen_focal_ratio<E>(
         }
         let sides = [query, target].map(|place| FocalView::seen(&views[&place]));
         let target_from_query = poses[target].inv_mul(&poses[query]);
-        let matches = finder.matches(context, sides, &target_from_query, Reach::NEAR);
+        let matches = finder.matches(context, sides, &target_from_query, Reach::Near);
         seen.push(ViewPair { target_from_query, matches });
     }
     let camera = &context.camera;

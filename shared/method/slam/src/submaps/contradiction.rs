@@ -151,7 +151,7 @@ impl<'a> PairTester<'a> {
         }
         let seed = (self.placed[a].keyframe.id as u64) << 32 | self.placed[b].keyframe.id as u64;
         let mut finds = |reach: Reach| self.finder.find(self.context, seen, b_from_a, reach, seed).is_some();
-        !finds(Reach::NEAR) && !finds(Reach::ANYWHERE)
+        !finds(Reach::Near) && !finds(Reach::Anywhere)
     }
 }
 

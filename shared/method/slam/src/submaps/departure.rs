@@ -92,7 +92,7 @@ fn evidence(input: &TrackingInput<'_>, aligner: &mut Aligner, pose: &PoseRecord)
     let old = nearest_old(input, world_from_camera)?;
     let own = input.map.state().active().last().filter(|k| input.map.contains(k))?;
     let there = reference(input, Member::Keyframe(old.id))?;
-    let pair = aligner.sight.pair(input.context, &there, world_from_camera, Reach::ANYWHERE);
+    let pair = aligner.sight.pair(input.context, &there, world_from_camera, Reach::Anywhere);
     let pair = pair.filter(|pair| same_place::makes_pose(&pair.inliers, &pair.target_from_query));
     let old_from_camera = pair
         .as_ref()
@@ -120,9 +120,9 @@ fn evidence(input: &TrackingInput<'_>, aligner: &mut Aligner, pose: &PoseRecord)
     Some((old.id, views_nats + pose_nats.unwrap_or(0.0)))
 }
 
-/// The keyframe of the camera's map before the newest one.
+/// The keyframe of the camera's map before the newest one, of those that were not culled.
 fn before_newest<'a>(input: &TrackingInput<'a>) -> Option<&'a KeyframeState> {
-    input.map.state().keyframes.iter().rev().filter(|k| input.map.contains(k)).nth(1)
+    input.map.keyframes().rev().filter(|k| k.is_active()).nth(1)
 }
 
 fn is_old(input: &TrackingInput<'_>, keyframe: &KeyframeState) -> bool {

@@ -309,7 +309,7 @@ fn is_known_refused(state: &TrackerState, join: &JoinRecord) -> bool {
 /// The tests of a loop between the camera's keyframe and the nearest one of the other submap; `None`
 /// where they fail.
 pub(crate) fn verified(input: &TrackingInput<'_>, sighting: &SightingRecord) -> Option<Tested> {
-    let own = input.map.keyframe(sighting.own)?;
+    let own = input.map.keyframe(sighting.own).filter(|own| own.is_active())?;
     let seen = input.map.keyframe(sighting.seen)?;
     let other_from_camera = other_from_own(input, sighting)? * Pose::from(&own.world_from_camera);
     let nearest = nearby_keyframes(&input.in_submap(seen.submap), &other_from_camera, 1);

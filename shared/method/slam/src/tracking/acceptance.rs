@@ -33,7 +33,7 @@ fn best_fit(a: &Alignment) -> ReferenceFit {
     let best = a.reports.iter().max_by_key(|report| report.n_matches).copied().unwrap_or_default();
     ReferenceFit {
         in_view: best.in_view(),
-        matched: best.matched(),
+        matched: best.matched_within(),
         in_front: best.in_front(),
         residual_sigmas: f64::from(best.median_residual_sigmas),
         n_agreeing: None,
@@ -44,7 +44,7 @@ fn best_fit(a: &Alignment) -> ReferenceFit {
 pub(crate) struct StrictLimits {
     /// Least share of the frame that it sees.
     in_view: f64,
-    /// Least share of that part that has a match.
+    /// Least share with a match of what falls within its surface.
     matched: f64,
     /// Largest share of that part that floats in front of what it saw.
     pub(crate) in_front: f64,

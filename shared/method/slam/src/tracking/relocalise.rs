@@ -238,7 +238,7 @@ fn candidates_by_features(
         let Some(keyframe) = input.map.keyframe(id) else { continue };
         let Some(reference) = reference(input, Member::Keyframe(id)) else { continue };
         let pose = reference.world_from_camera;
-        let Some(pair) = aligner.sight.pair(input.context, &reference, &pose, Reach::ANYWHERE) else {
+        let Some(pair) = aligner.sight.pair(input.context, &reference, &pose, Reach::Anywhere) else {
             continue;
         };
         let n = pair.inliers.len();

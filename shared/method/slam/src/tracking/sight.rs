@@ -248,7 +248,7 @@ impl Sight {
             return;
         }
         for reference in references.iter_mut() {
-            let pair = self.pair(context, reference, world_from_camera, Reach::KNOWN);
+            let pair = self.pair(context, reference, world_from_camera, Reach::Known);
             let at = reference.world_from_camera.inverse() * world_from_camera;
             reference.pair = pair.map(|pair| WeightedPair::new(pair, weight, &at));
         }
@@ -278,7 +278,7 @@ impl Sight {
         world_from_camera: &Pose,
     ) -> usize {
         let at = reference.world_from_camera.inverse() * world_from_camera;
-        let found = self.find(context, reference, &at, Reach::ANYWHERE);
+        let found = self.find(context, reference, &at, Reach::Anywhere);
         found.map_or(0, |pair| same_place::n_agreeing(&pair.inliers, &at))
     }
 
@@ -289,7 +289,7 @@ impl Sight {
         reference: &Reference<'_>,
         target_from_query: &Pose,
     ) -> bool {
-        let found = self.find(context, reference, target_from_query, Reach::NEAR);
+        let found = self.find(context, reference, target_from_query, Reach::Near);
         found.is_some_and(|pair| same_place::makes_pose(&pair.inliers, target_from_query))
     }
 
@@ -323,7 +323,7 @@ impl Sight {
 
     /// Share of the comparable features that agree with the preceding view, on whatever pose they agree.
     fn agreeing_share(&mut self, context: &Context, before: &Reference<'_>) -> f64 {
-        let pair = self.pair(context, before, &before.world_from_camera, Reach::ANYWHERE);
+        let pair = self.pair(context, before, &before.world_from_camera, Reach::Anywhere);
         pair.map_or(0.0, |pair| {
             let there = (&before.surface, &pair.target_from_query);
             same_place::agreeing_share(&seen_by(context, before), &self.observations, &pair.inliers, there)

@@ -79,7 +79,7 @@ fn pose_from_features(
     let mut members = window::select(&input.map, &input.context.mapping.window, world_from_camera);
     let last = input.map.last_own_keyframe().map(|k| Member::Keyframe(k.id));
     members.extend(last.filter(|last| !members.contains(last)));
-    for (reach, most) in [(Reach::NEAR, ASKED_IF_PREDICTED), (Reach::ANYWHERE, members.len())] {
+    for (reach, most) in [(Reach::Near, ASKED_IF_PREDICTED), (Reach::Anywhere, members.len())] {
         let mut best: Option<(usize, Pose)> = None;
         for reference in members.iter().take(most).filter_map(|member| reference(input, *member)) {
             let found = aligner.sight.pair(input.context, &reference, world_from_camera, reach);

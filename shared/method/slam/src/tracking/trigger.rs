@@ -77,7 +77,7 @@ fn is_seen_elsewhere(
     record: &FrameRecord,
 ) -> bool {
     let world_from_camera = Pose::from(&record.pose.world_from_camera);
-    let Some(pair) = aligner.sight.pair(input.context, there, &world_from_camera, Reach::ANYWHERE) else {
+    let Some(pair) = aligner.sight.pair(input.context, there, &world_from_camera, Reach::Anywhere) else {
         return false;
     };
     known_and_seen(input, older, &pair, &record.pose).is_some_and(|[known, seen]| !known.agrees(&seen))

@@ -147,6 +147,9 @@ pub(crate) fn reference<'a>(input: &TrackingInput<'a>, member: Member) -> Option
         }
         Member::Keyframe(id) => {
             let keyframe = input.map.keyframe(id)?;
+            if !input.map.is_at_hand(keyframe, input.frame.stamp_nanos) {
+                return None;
+            }
             // A keyframe made at this step is not in the store yet: as long as its frame is recent, its
             // surface is that of the frame, not yet rounded, and has the frame's key.
             let is_own = input.map.is_own(keyframe);

@@ -77,7 +77,7 @@ impl Display for Levelling {
 impl Display for ReferenceFit {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
         let [in_view, matched, in_front] = [self.in_view, self.matched, self.in_front].map(|v| 100.0 * v);
-        write!(f, "{in_view:.0} % of the frame in view, {matched:.0} % of that matched, ")?;
+        write!(f, "{in_view:.0} % of the frame in view, {matched:.0} % within its surface matched, ")?;
         write!(f, "{in_front:.1} % in front, median residual {:.2} sigma", self.residual_sigmas)?;
         self.n_agreeing.map_or(Ok(()), |n| write!(f, ", {n} features agree"))
     }
@@ -143,8 +143,8 @@ mod tests {
         );
         check(
             &[Cause::LowSupport { fit, least_matched: 0.5, most_in_front: 0.25 }],
-            "98 % of the frame in view, 46 % of that matched, 1.2 % in front, median residual 0.20 sigma; at \
-             least 50 % matched and at most 25 % in front are needed",
+            "98 % of the frame in view, 46 % within its surface matched, 1.2 % in front, median residual 0.20 \
+             sigma; at least 50 % matched and at most 25 % in front are needed",
         );
         check(
             &[
@@ -157,8 +157,8 @@ mod tests {
                 Cause::Degenerate(motions),
             ],
             "median residual is 2.35 standard deviations, at most 2.00 are allowed; found by recognising keyframe \
-             2 (similarity 0.68): 98 % of the frame in view, 46 % of that matched, 1.2 % in front, median residual \
-             0.20 sigma, 31 features agree; confirmed by 12.0 of 13.8 nats; degenerate, held by the prediction: \
+             2 (similarity 0.68): 98 % of the frame in view, 46 % within its surface matched, 1.2 % in front, \
+             median residual 0.20 sigma, 31 features agree; confirmed by 12.0 of 13.8 nats; degenerate, held by the prediction: \
              translation along (0.00 -0.12 1.00), sigma 0.046 m; rotation about (0.00 -0.12 1.00), sigma 5.73 deg",
         );
         check(
