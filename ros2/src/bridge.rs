@@ -236,7 +236,7 @@ impl<'a> Bridge<'a> {
         self.look_at_carrier()?;
         self.input.leave_out(&mut self.report);
         self.time.step(&mut self.report);
-        self.parameters.step(&mut self.report)?;
+        self.parameters.step(&*self.carrier, self.time.now_nanos(), &mut self.report)?;
         self.reset.take(Some(&format!("{why}, and there is none to end")), &mut self.report)?;
         let refusal = format!("{why}, and there is none to ask");
         self.relocalise.refuse(&refusal, self.input.sender(), &mut self.report)?;
@@ -299,7 +299,7 @@ impl<'a> Bridge<'a> {
         self.map.step(&self.input.clock, &mut self.report)?;
         self.save.step(&joined.run.entry, self.input.base(), &mut self.report)?;
         self.time.step(&mut self.report);
-        self.parameters.step(&mut self.report)?;
+        self.parameters.step(&*self.carrier, self.time.now_nanos(), &mut self.report)?;
         let n_depth = self.input.n_depth;
         self.input.step(self.carrier, &joined.run, self.time.waiting_nanos(), &mut self.report)?;
         if self.input.n_depth > n_depth {

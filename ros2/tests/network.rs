@@ -34,6 +34,8 @@ mod services;
 mod simulated_time;
 #[path = "network/taken_over.rs"]
 mod taken_over;
+#[path = "network/twist.rs"]
+mod twist;
 #[cfg(feature = "zenoh")]
 #[path = "network/zenoh.rs"]
 mod zenoh;
@@ -284,11 +286,11 @@ fn types_have_the_hashes_that_others_compute() {
         let words: Vec<&str> = line.split('"').collect();
         arguments.extend([format!("rcl_interfaces/srv/{}", words[1]), format!("RIHS01_{}", words[3])]);
     }
-    assert_eq!(arguments.len(), 40);
+    assert_eq!(arguments.len(), 42);
     let script = common::root().join("ros2/tests/python/hashes.py");
     let output = Command::new(python).arg(script).args(&arguments).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    assert_eq!(String::from_utf8_lossy(&output.stdout).trim(), "20");
+    assert_eq!(String::from_utf8_lossy(&output.stdout).trim(), "21");
 }
 
 #[test]

@@ -18,6 +18,8 @@ const CAMERA: &str = "width = 160\nheight = 120\nfx = 131.25\nfy = 131.25\ncx = 
 const N_IMAGES: u64 = 30;
 const PACKAGES: [&str; 5] =
     ["cyclonedds==11.0.1", "eclipse-zenoh==1.10.2", "rosbags==0.11.9", "numpy", "pillow"];
+/// Begin of the images' time, nanoseconds: not that of all time, where a clock that jumps back would meet zero.
+const EPOCH_NANOS: i64 = 1_700_000_000_000_000_000;
 /// Cyclone on loopback, without multicast.
 const CYCLONE: &str = "<CycloneDDS><Domain Id=\"any\"><General><Interfaces>\
     <NetworkInterface address=\"127.0.0.1\" multicast=\"false\"/></Interfaces>\
@@ -360,11 +362,7 @@ impl Setup {
 pub(crate) fn room(folder: &Path) {
     let camera = folder.join("camera.toml");
     std::fs::write(&camera, CAMERA).unwrap();
-    let options = SourceOptions {
-        camera: Some(camera.display().to_string()),
-        frames: Some(N_IMAGES),
-        ..SourceOptions::default()
-    };
+    let options = SourceOptions { camera: Some(camera.display().to_string()), ..room_options() };
     let source = tessera_sources::open(&SourceSpec::parse("room"), &options).unwrap();
     let of = source.camera().clone();
     let n_pixels = of.width as usize * of.height as usize;
@@ -372,8 +370,7 @@ pub(crate) fn room(folder: &Path) {
     let mut stamps = Vec::new();
     for index in 0..N_IMAGES {
         let mut buffers = FrameBuffers { depth: &mut depth, colour: &mut colour };
-        // Not at the beginning of time, where a clock that jumps back would meet zero.
-        stamps.push(source.read(index, &mut buffers).unwrap().stamp_nanos + 1_700_000_000_000_000_000);
+        stamps.push(source.read(index, &mut buffers).unwrap().stamp_nanos + EPOCH_NANOS);
         let raw: Vec<u8> = depth.iter().flat_map(|value| value.to_le_bytes()).collect();
         std::fs::write(folder.join(format!("d{index}.raw")), raw).unwrap();
         std::fs::write(folder.join(format!("c{index}.raw")), &colour).unwrap();
@@ -383,6 +380,17 @@ pub(crate) fn room(folder: &Path) {
         "n": N_IMAGES, "stamps": stamps,
     });
     std::fs::write(folder.join("camera.json"), described.to_string()).unwrap();
+}
+
+fn room_options() -> SourceOptions {
+    SourceOptions { frames: Some(N_IMAGES), ..SourceOptions::default() }
+}
+
+/// Stamps of the images of [`room`], nanoseconds, and where its camera was, `world_from_camera`.
+pub(crate) fn room_poses() -> (Vec<i64>, Vec<Isometry3<f64>>) {
+    let source = tessera_sources::open(&SourceSpec::parse("room"), &room_options()).unwrap();
+    let truth = source.ground_truth().unwrap();
+    (truth.stamps_nanos.iter().map(|stamp| stamp + EPOCH_NANOS).collect(), truth.poses.clone())
 }
 
 /// A pose from translation and quaternion `x y z w`.

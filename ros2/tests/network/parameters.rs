@@ -1,6 +1,6 @@
 //! Parameters of the node, asked for as `ros2 param` does, by Cyclone DDS and in the bytes of rosbags.
 
-use crate::common::{Network, Setup};
+use crate::common::{Network, Setup, wait_for};
 
 #[test]
 fn parameters_are_listed_read_and_described_and_none_is_set() {
@@ -26,4 +26,25 @@ fn parameters_are_listed_read_and_described_and_none_is_set() {
     }
     ros2.terminate();
     ros2.finish();
+}
+
+/// As rqt and nodes of rclcpp listen, from before the node on.
+#[test]
+fn parameters_are_told_once_on_parameter_events() {
+    let Some(network) = Network::new() else { return };
+    let setup = Setup::new(10);
+    let listener = network.ask_beside("parameter_events.py", &["plain"]);
+    let ros2 = network.join(&setup, &["--map-spacing", "0.1", "--no-tf"]);
+    wait_for("an event", || listener.0.n_of("new_parameters") > 0);
+    ros2.terminate();
+    ros2.finish();
+    let lines = listener.finish();
+    let [event] = &lines[..] else { panic!("{lines:?}") };
+    assert_eq!((&event["node"], &event["same"]), (&"/tessera".into(), &true.into()), "{event}");
+    assert!(event["sec"].as_i64().unwrap() > 1_700_000_000, "{event}");
+    let declared = &event["new_parameters"];
+    assert_eq!((&declared["map_spacing"], &declared["no_tf"]), (&0.1.into(), &true.into()), "{event}");
+    for none in ["changed_parameters", "deleted_parameters"] {
+        assert!(event[none].as_object().unwrap().is_empty(), "{event}");
+    }
 }

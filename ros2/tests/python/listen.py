@@ -38,6 +38,7 @@ def odometry(m):
         "stamp": nanos(m.header), "frame": m.header.frame_id, "child": m.child_frame_id,
         "pose": numbers(m.pose.pose.position, m.pose.pose.orientation),
         "covariance": list(m.pose.covariance), "of_twist": list(m.twist.covariance),
+        "twist": [getattr(v, axis) for v in (m.twist.twist.linear, m.twist.twist.angular) for axis in "xyz"],
     }
 
 

@@ -1,6 +1,7 @@
 //! Parameters of the node as `ros2 param` and rqt ask for them: the options of the command line, to be
 //! listed, read and described. They are read once, when the program starts, so that each setting is refused.
 
+mod events;
 mod table;
 mod wire;
 
@@ -8,6 +9,7 @@ use crate::arguments::Ros2Arguments;
 use crate::carrier::{Carrier, CarrierError, Server};
 use crate::error::Ros2Error;
 use crate::report::{Report, ReportEvent};
+use events::ParameterEvents;
 use tessera_recording::ros::encode;
 use wire::{
     DESCRIBE, GET, LIST, Listed, ParameterDescriptor, ParameterValue, SET, SET_ATOMICALLY, SetResult, TYPES,
@@ -27,17 +29,20 @@ enum Question {
     SetAtomically,
 }
 
-/// The services of parameters.
+/// The services of parameters, and their topic.
 pub(crate) struct NodeParameters {
+    /// With its namespace.
+    node: String,
     servers: Vec<(Question, Box<dyn Server>)>,
+    events: ParameterEvents,
     parameters: Vec<NodeParameter>,
 }
 
 impl NodeParameters {
-    /// Announces the services.
+    /// Announces services and topic.
     ///
     /// # Errors
-    /// Where the network refuses one.
+    /// Where the network refuses one of them.
     pub(crate) fn new(carrier: &mut dyn Carrier, arguments: &Ros2Arguments) -> Result<Self, CarrierError> {
         let services = [
             (Question::List, "list_parameters", LIST),
@@ -51,15 +56,26 @@ impl NodeParameters {
             Ok((question, carrier.serve(&format!("{}/{name}", arguments.namespace), service)?))
         };
         let servers = services.into_iter().map(&mut open).collect::<Result<_, CarrierError>>()?;
-        Ok(Self { servers, parameters: NodeParameter::all(arguments) })
+        let events = ParameterEvents::new(carrier)?;
+        let node = arguments.namespace.clone();
+        Ok(Self { node, servers, events, parameters: NodeParameter::all(arguments) })
     }
 
-    /// Answers what was asked.
+    /// Answers what was asked; `now_nanos` is the node's time.
     ///
     /// # Errors
-    /// Where an answer cannot be written as CDR.
-    pub(crate) fn step(&mut self, report: &mut Report) -> Result<(), Ros2Error> {
-        let Self { servers, parameters } = self;
+    /// Where a message cannot be written as CDR.
+    pub(crate) fn step(
+        &mut self,
+        carrier: &dyn Carrier,
+        now_nanos: Option<i64>,
+        report: &mut Report,
+    ) -> Result<(), Ros2Error> {
+        let Self { node, servers, events, parameters } = self;
+        match events.step(carrier, node, parameters, now_nanos.unwrap_or_default()) {
+            Err(Ros2Error::Carrier(error)) => report.note(ReportEvent::Carrier, || error.to_string()),
+            told => told?,
+        }
         for (question, server) in servers {
             loop {
                 let answered = match server.take() {

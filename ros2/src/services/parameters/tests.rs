@@ -76,3 +76,22 @@ fn a_file_that_was_dumped_is_read_back() {
     let words = crate::ros_arguments::as_own([&words[..], &[path.into()]].concat()).unwrap();
     assert_eq!(NodeParameter::all(&Ros2Arguments::try_parse_from(words).unwrap()), parameters);
 }
+
+#[test]
+fn an_event_has_each_parameter_with_its_value() {
+    let parameters = NodeParameter::all(&arguments(&["--no-tf"]));
+    let message = events::declared("/robot1/tessera", &parameters, 1_500_000_000).unwrap();
+    let event: events::ParameterEvent = decode_whole("an event", &message).unwrap();
+    let expected = parameters.iter().map(|of| (of.name.clone(), of.value())).collect();
+    let node = "/robot1/tessera".to_owned();
+    assert_eq!(
+        event,
+        events::ParameterEvent {
+            stamp: tessera_recording::ros::Time::from_nanos(1_500_000_000),
+            node,
+            new_parameters: expected,
+            changed_parameters: Vec::new(),
+            deleted_parameters: Vec::new(),
+        }
+    );
+}
