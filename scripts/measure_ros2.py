@@ -261,10 +261,6 @@ def begin(arguments, publisher, odometry, ros2):
         fail("no odometry came: " + ros2.words.read_text())
     # Up to the recording's time, so that the first frame comes as soon after one as the others do; one more
     # in each run, since the samples that are drawn of a frame depend on its number.
-    # A jump ahead is believed from its second image on.
-    for k in (-8, -7):
-        publisher.send(0, (k - arguments.run) * period)
-        time.sleep(0.2)
     for k in range(-6 - arguments.run, 0):
         publisher.send(0, k * period)
         in_step(publisher, odometry, 0, k * period)

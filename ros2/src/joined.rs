@@ -1,6 +1,7 @@
 //! A run as long as it is joined: its poses, and what they tell of it.
 
 use crate::camera::input::CameraInput;
+use crate::camera::sender::Sender;
 use crate::error::Ros2Error;
 use crate::network::ros_time::RosTime;
 use crate::poses::output::Output;
@@ -86,6 +87,25 @@ impl Joined {
                 other => other?,
             }
         }
-        Ok(())
+        answer_late(input, output, report)
     }
+}
+
+/// Answers the newest image where its pose does not come: it was left out, as one whose time lies far ahead is until
+/// the next one confirms it. So no camera waits for ever.
+fn answer_late(input: &mut CameraInput, output: &mut Output, report: &mut Report) -> Result<(), Ros2Error> {
+    let Some(run_nanos) = input.sender().and_then(Sender::take_late) else { return Ok(()) };
+    let stamp_nanos = input.clock.camera_nanos(run_nanos);
+    report.note(ReportEvent::Late, || {
+        format!(
+            "no pose came for the image of {stamp_nanos} ns, and no image behind it: it is answered with odometry of \
+             unknown certainty"
+        )
+    });
+    let Some(base) = input.base() else { return Ok(()) };
+    match output.publish_unknown(base, stamp_nanos) {
+        Err(Ros2Error::Carrier(error)) => report.note(ReportEvent::Carrier, || error.to_string()),
+        other => other?,
+    }
+    Ok(())
 }

@@ -31,6 +31,8 @@ pub(crate) enum ReportEvent {
     WithoutColour,
     /// An image for which there was no room.
     NotSent,
+    /// An image that was answered without a pose.
+    Late,
     /// What the network refused to carry.
     Carrier,
     /// What others have and cannot be joined.
@@ -57,6 +59,7 @@ impl ReportEvent {
             Self::OutOfOrder => "images out of order",
             Self::WithoutColour => "images without colour",
             Self::NotSent => "images not sent",
+            Self::Late => "images answered without a pose",
             Self::Carrier => "network errors",
             Self::Unmatched => "not matched",
             Self::Imu => "gyroscope left out",

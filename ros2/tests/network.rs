@@ -1,6 +1,8 @@
 //! `tessera-ros2` between a real run and programs of others: cyclonedds carries, rosbags reads and
 //! writes. All traffic stays on loopback, and each test has a domain of its own.
 
+#[path = "network/answers.rs"]
+mod answers;
 #[path = "network/common.rs"]
 mod common;
 #[path = "network/discovery.rs"]

@@ -10,6 +10,9 @@ use tessera_transport::{Guest, Notifier, SlicePublisher, Subscriber, TransportEr
 const MOST_AWAITED: usize = 256;
 /// Time in which the pose of an image is expected.
 const SOON: Duration = Duration::from_millis(30);
+/// Time after which the newest image is answered without a pose: a camera that waits for an answer to each image
+/// would wait in vain where the run left this one out. Cameras that wait for none send another one long before.
+const LATE: Duration = Duration::from_secs(2);
 
 /// Writes images of one camera.
 pub(crate) struct Sender {
@@ -81,6 +84,13 @@ impl Sender {
     /// Whether the pose of an image that was sent not long ago has not come.
     pub(crate) fn awaits_pose(&self) -> bool {
         self.awaited.back().is_some_and(|(_, at)| at.elapsed() < SOON)
+    }
+
+    /// Time in the run of the newest image where its pose has not come in time, nor another image; told once.
+    pub(crate) fn take_late(&mut self) -> Option<i64> {
+        let (stamp_nanos, _) = self.awaited.back().copied().filter(|(_, at)| at.elapsed() >= LATE)?;
+        self.awaited.clear();
+        Some(stamp_nanos)
     }
 
     /// When the image of that time was received; earlier ones are forgotten.
@@ -178,4 +188,22 @@ pub(crate) struct SentImage {
     pub(crate) up: Option<UpDirection>,
     pub(crate) has_colour: bool,
     pub(crate) received_at: Instant,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_newest_image_is_late_once_and_no_other() {
+        let mut sender = Sender::new(&Camera::pinhole((4, 4), [3.0, 3.0, 1.5, 1.5], 1000.0));
+        let long_ago = Instant::now().checked_sub(2 * LATE).unwrap();
+        sender.awaited.extend([(1, long_ago), (2, Instant::now())]);
+        assert_eq!(sender.take_late(), None, "another image came");
+        sender.awaited.extend([(3, long_ago)]);
+        assert_eq!((sender.take_late(), sender.take_late()), (Some(3), None));
+        sender.awaited.extend([(4, long_ago)]);
+        assert_eq!(sender.received_at(4), Some(long_ago));
+        assert_eq!(sender.take_late(), None, "its pose came");
+    }
 }

@@ -128,11 +128,7 @@ impl Output {
         self.before = Some(now);
         let map_from_base = self.map_from_odom * odom_from_base;
         let covariance = base.covariance(&message.covariance, &map_from_base).filter(|_| !is_lost);
-        let pose = PoseWithCovariance {
-            pose: (&map_from_base).into(),
-            covariance: covariance.unwrap_or_else(unknown),
-        };
-        self.pose.send(&encode(&PoseWithCovarianceStamped { header: header(stamp_nanos, MAP), pose })?)?;
+        self.send_pose(stamp_nanos, &odom_from_base, covariance)?;
         if is_lost {
             return Ok(());
         }
@@ -147,6 +143,34 @@ impl Output {
             transforms.send(&encode(&Transforms { transforms: links })?)?;
         }
         Ok(())
+    }
+
+    /// Answers an image at the camera's time `stamp_nanos` that has no pose: odometry and pose of unknown certainty
+    /// at the last place, as of a lost frame, and no transform.
+    ///
+    /// # Errors
+    /// Where the network refuses a message.
+    pub(crate) fn publish_unknown(&mut self, base: &Base, stamp_nanos: i64) -> Result<(), Ros2Error> {
+        let odom_from_base = self.before.as_ref().map_or_else(Pose::identity, |before| before.odom_from_base);
+        let now = Before { stamp_nanos, odom_from_base, step_covariance: [[0.0; 6]; 6] };
+        let odometry = self.odometry(&now, None, base);
+        self.odometry.send(&encode(&odometry)?)?;
+        self.send_pose(stamp_nanos, &odom_from_base, None)
+    }
+
+    /// Sends a pose of the base in `map`; a covariance that is not known is stated as such.
+    fn send_pose(
+        &mut self,
+        stamp_nanos: i64,
+        odom_from_base: &Pose,
+        covariance: Option<Covariance>,
+    ) -> Result<(), Ros2Error> {
+        let map_from_base = self.map_from_odom * odom_from_base;
+        let pose = PoseWithCovariance {
+            pose: (&map_from_base).into(),
+            covariance: covariance.unwrap_or_else(unknown),
+        };
+        Ok(self.pose.send(&encode(&PoseWithCovarianceStamped { header: header(stamp_nanos, MAP), pose })?)?)
     }
 
     fn odometry<'a>(&self, now: &Before, covariance: Option<Covariance>, base: &'a Base) -> Odometry<'a> {

@@ -215,6 +215,13 @@ impl Network {
         Program::start(command, true)
     }
 
+    /// A camera that waits for the answer to each image, and whose times jump ahead by so many seconds.
+    pub(crate) fn waiting_camera(&self, setup: &Setup, jump_s: f64) -> Listener {
+        let mut command = self.script("waiting_camera.py");
+        command.arg(setup.frames()).arg(self.domain()).arg(jump_s.to_string());
+        Listener(Program::start(command, true))
+    }
+
     pub(crate) fn listen(&self, arguments: &[&str]) -> Listener {
         let mut command = self.script("listen.py");
         command.arg(self.domain()).args(arguments).args(&self.router);
