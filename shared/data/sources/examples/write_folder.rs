@@ -1,6 +1,6 @@
 //! Writes the frames of any source as a folder in the TUM layout, with camera and ground truth.
 //!
-//! `cargo run --release -p tessera-sources --example write_folder -- SOURCE FOLDER [FRAMES]`
+//! `cargo run --release -p tessera-sources --example write_folder -- SOURCE FOLDER [FRAMES [CAMERA]]`
 #![forbid(unsafe_code)]
 
 use std::error::Error;
@@ -11,10 +11,10 @@ use tessera_sources::{FrameBuffers, Source, SourceOptions, SourceSpec};
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [source, folder, rest @ ..] = arguments.as_slice() else {
-        return Err("expected: SOURCE FOLDER [FRAMES]".into());
+        return Err("expected: SOURCE FOLDER [FRAMES [CAMERA]]".into());
     };
     let frames = rest.first().map(|n| n.parse()).transpose()?;
-    let options = SourceOptions { frames, ..SourceOptions::default() };
+    let options = SourceOptions { frames, camera: rest.get(1).cloned(), ..SourceOptions::default() };
     let source = tessera_sources::open(&SourceSpec::parse(source), &options)?;
     write(&*source, Path::new(folder))
 }
