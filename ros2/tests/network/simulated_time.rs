@@ -24,7 +24,9 @@ fn what_is_told_every_second_is_told_by_the_clock() {
     let stamps: Vec<i64> = told.iter().map(|line| stamp(line)).collect();
     // The camera's images are 33 ms apart and come every 67 ms: a second of theirs takes two.
     let (n_last, seconds) = (stamps.len() - 1, (last - first) as f64 * 1e-9);
-    assert!(n_last >= 2 && n_last as f64 <= seconds + 4.0, "{stamps:?} {seconds} {words}");
+    // The clock goes on while the run ends, which takes its time on a busy machine.
+    let n_meanwhile = stamps.iter().filter(|stamp| **stamp <= last).count();
+    assert!(n_last >= 2 && n_meanwhile as f64 <= seconds + 4.0, "{stamps:?} {seconds} {words}");
     // The last one is told at the run's end, whatever the time.
     assert!(stamps[..n_last].windows(2).all(|pair| pair[1] - pair[0] >= 1_000_000_000), "{stamps:?}");
     let bounds = first - 60_000_000_000..=last + 60_000_000_000;
