@@ -13,6 +13,8 @@ mod faults;
 mod grid;
 #[path = "network/gyro.rs"]
 mod gyro;
+#[path = "network/images.rs"]
+mod images;
 #[path = "network/initial_pose.rs"]
 mod initial_pose;
 #[path = "network/map.rs"]
@@ -45,7 +47,8 @@ mod zenoh;
 #[path = "network/zenoh_tls.rs"]
 mod zenoh_tls;
 
-use common::{Network, Setup, base_from_camera, pose, room};
+use common::{Network, Setup};
+use images::{base_from_camera, pose, room};
 use nalgebra::Isometry3;
 use serde_json::Value;
 use std::collections::BTreeMap;

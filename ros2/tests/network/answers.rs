@@ -1,7 +1,8 @@
 //! A camera that waits for the odometry of each image: no image is left without an answer, not even one that the run
 //! leaves out.
 
-use crate::common::{Network, Setup, room};
+use crate::common::{Network, Setup};
+use crate::images::room;
 
 #[test]
 fn a_camera_that_waits_for_each_answer_gets_over_a_jump_of_its_time() {

@@ -1,7 +1,8 @@
 //! Both sides as they start by themselves: no configuration of Cyclone DDS, or what rmw_cyclonedds makes of the
 //! variables of ROS 2, on one machine and on two.
 
-use crate::common::{Network, Setup, room, wait_for};
+use crate::common::{Network, Setup, wait_for};
+use crate::images::room;
 use crate::online;
 use crate::program::signal;
 use crate::requirements::missing;

@@ -1,7 +1,8 @@
 //! Faults beside the program: readers that stop reading or die, stages that die, a camera that is not quite
 //! the one that the run began with.
 
-use crate::common::{Network, Setup, room, wait_for};
+use crate::common::{Network, Setup, wait_for};
+use crate::images::room;
 use crate::program::signal;
 use serde_json::Value;
 use std::path::Path;

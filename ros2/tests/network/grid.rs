@@ -1,6 +1,7 @@
 //! The occupancy grid in the network is that of the run's map.
 
-use crate::common::{Network, Setup, base_from_camera, room};
+use crate::common::{Network, Setup};
+use crate::images::{base_from_camera, room};
 use crate::map::{base64, near, written};
 use nalgebra::Point3;
 use serde_json::Value;

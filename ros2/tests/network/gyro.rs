@@ -1,6 +1,7 @@
 //! The gyroscope and the accelerometer of the network are those of the run.
 
-use crate::common::{Network, Setup, base_from_camera, pose, room};
+use crate::common::{Network, Setup};
+use crate::images::{base_from_camera, pose, room};
 use nalgebra::{UnitQuaternion, Vector3};
 use tessera_journal::Follower;
 use tessera_slam::{AlignRecord, FrameRecord};

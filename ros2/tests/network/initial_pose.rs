@@ -1,6 +1,7 @@
 //! A pose that somebody gives has the run look for its place anew, and what it finds is told beside it.
 
-use crate::common::{Network, Setup, room};
+use crate::common::{Network, Setup};
+use crate::images::room;
 
 #[test]
 fn an_initial_pose_has_the_run_look_for_its_place() {

@@ -1,6 +1,7 @@
 //! The map in the network is the one that the run writes.
 
-use crate::common::{Network, Setup, base_from_camera, room};
+use crate::common::{Network, Setup};
+use crate::images::{base_from_camera, room};
 use nalgebra::Point3;
 use serde_json::Value;
 use std::collections::{HashMap, HashSet};

@@ -1,6 +1,7 @@
 //! Names that are others in the network than in the program: several robots in one domain.
 
-use crate::common::{Network, Setup, room, wait_for};
+use crate::common::{Network, Setup, wait_for};
+use crate::images::room;
 
 #[test]
 fn topics_and_services_have_the_names_that_they_are_given() {

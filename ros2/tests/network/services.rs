@@ -1,6 +1,7 @@
 //! Services that others call, and the name that they see.
 
-use crate::common::{Network, Setup, room, root, wait_for, wait_for_growth};
+use crate::common::{Network, Setup, root, wait_for, wait_for_growth};
+use crate::images::room;
 use rustdds::bytes::Bytes;
 use rustdds::policy::Reliability;
 use rustdds::{

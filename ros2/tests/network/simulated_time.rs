@@ -1,6 +1,7 @@
 //! Time that is that of `/clock`, as with `use_sim_time` of ROS.
 
-use crate::common::{Network, Setup, room, wait_for};
+use crate::common::{Network, Setup, wait_for};
+use crate::images::room;
 use serde_json::Value;
 
 #[test]

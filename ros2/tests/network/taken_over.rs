@@ -1,7 +1,8 @@
 //! A program that began a run and dies, or a whole robot that does: it is started again, and the run is still its
 //! own.
 
-use crate::common::{Network, Setup, room, wait_for, wait_for_growth};
+use crate::common::{Network, Setup, wait_for, wait_for_growth};
+use crate::images::room;
 use crate::program::signal;
 use crate::services::ended;
 use std::time::Duration;

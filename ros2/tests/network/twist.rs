@@ -1,6 +1,7 @@
 //! The twist of odometry and its covariance, as others read them, against the simulated room's own motion.
 
-use crate::common::{Network, Setup, base_from_camera, room, room_poses};
+use crate::common::{Network, Setup};
+use crate::images::{base_from_camera, room, room_poses};
 use crate::numbers;
 use nalgebra::{Isometry3, Matrix6, Vector6};
 use serde_json::Value;

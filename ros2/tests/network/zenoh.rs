@@ -1,7 +1,8 @@
 //! The same over Zenoh as rmw_zenoh has it: the other side is eclipse-zenoh in Python, with a router of
 //! its own for each test.
 
-use crate::common::{Setup, room};
+use crate::common::Setup;
+use crate::images::room;
 use crate::router::Router;
 use serde_json::Value;
 use std::path::PathBuf;
