@@ -77,11 +77,11 @@ const OF_MEDIAN: f64 = 1.5;
 /// that of matching is an angle `d`: it turns the camera by `d` and moves it by `d` times the
 /// distance of what it sees. A lag between the images is an error of a stamp, beside that of the stamps of depth: it
 /// moves the camera by its velocity times the lag. Of colour that is not trusted the residual is what it was before
-/// anything was measured. Where no colour takes part nothing is known of calibration and lag, and nothing is added.
+/// anything was measured. Without colour nothing is known of calibration and lag, and nothing is added for them.
 pub(crate) fn systematic(colour: &ColourState, context: &Context, a: &Alignment) -> Matrix6 {
     let late = |seconds: f64| a.velocity.to_vector() * seconds;
     let of_stamp = late(context.stamp_sigma_s) * late(context.stamp_sigma_s).transpose();
-    if colour.n_frames == 0 && a.n_agreeing == 0 {
+    if colour.n_frames == 0 {
         return of_stamp;
     }
     let sums: Vec<&BlockSums> = a.blocks.iter().map(|(_, sums)| sums).collect();
