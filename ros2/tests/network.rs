@@ -98,16 +98,7 @@ fn frames_come_in_and_poses_go_out_as_others_read_them() {
 
 /// Frames come in and poses go out, as programs of others read them; what the program says.
 fn exchange(network: &Network) -> String {
-    let setup = Setup::new(40);
-    room(setup.frames());
-    let listener = network.listen(&[]);
-    let run = setup.start();
-    let ros2 = network.join(&setup, &[]);
-    let camera = network.camera(&setup, &[]);
-    setup.finish(run);
-    let words = ros2.finish();
-    drop(camera);
-    let lines = listener.finish();
+    let (setup, words, lines) = network.played(40, &[]);
     assert!(words.contains("base_link is where /tf_static has it"), "{words}");
     let unmatched = "/tessera/odom: the writer is volatile, the reader wants transient local";
     assert!(words.contains(unmatched), "{words}");

@@ -208,6 +208,20 @@ impl Network {
         Program::start(command, true)
     }
 
+    /// A whole run over so many images of the room: its folder, what the program printed, and what was heard.
+    pub(crate) fn played(&self, n_frames: u64, heard: &[&str]) -> (Setup, String, Vec<Value>) {
+        let setup = Setup::new(n_frames);
+        room(setup.frames());
+        let listener = self.listen(heard);
+        let run = setup.start();
+        let ros2 = self.join(&setup, &[]);
+        let camera = self.camera(&setup, &[]);
+        setup.finish(run);
+        let words = ros2.finish();
+        drop(camera);
+        (setup, words, listener.finish())
+    }
+
     /// A camera that waits for the answer to each image, and whose times jump ahead by so many seconds.
     pub(crate) fn waiting_camera(&self, setup: &Setup, jump_s: f64) -> Listener {
         let mut command = self.script("waiting_camera.py");

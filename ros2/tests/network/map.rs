@@ -1,7 +1,7 @@
 //! The map in the network is the one that the run writes.
 
 use crate::common::{Network, Setup};
-use crate::images::{base_from_camera, room};
+use crate::images::base_from_camera;
 use nalgebra::Point3;
 use serde_json::Value;
 use std::collections::{HashMap, HashSet};
@@ -68,16 +68,7 @@ pub(crate) fn near(points: impl Iterator<Item = Point3<f64>>) -> impl Fn(&Point3
 #[test]
 fn the_map_goes_out_as_the_run_has_it() {
     let Some(network) = Network::new() else { return };
-    let setup = Setup::new(120);
-    room(setup.frames());
-    let listener = network.listen(&["map"]);
-    let run = setup.start();
-    let ros2 = network.join(&setup, &[]);
-    let camera = network.camera(&setup, &[]);
-    setup.finish(run);
-    let words = ros2.finish();
-    drop(camera);
-    let lines = listener.finish();
+    let (setup, words, lines) = network.played(120, &["map"]);
     let of = |topic: &str| -> Vec<&Value> { lines.iter().filter(|line| line["topic"] == topic).collect() };
     assert!(lines.iter().filter(|line| line["topic"] != "ready").all(|line| line["same"] == true));
     let (keyframes, clouds) = (of("/tessera/map_points"), of("/tessera/map_cloud"));

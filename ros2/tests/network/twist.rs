@@ -1,7 +1,7 @@
 //! The twist of odometry and its covariance, as others read them, against the simulated room's own motion.
 
-use crate::common::{Network, Setup};
-use crate::images::{base_from_camera, room, room_poses};
+use crate::common::Network;
+use crate::images::{base_from_camera, room_poses};
 use crate::numbers;
 use nalgebra::{Isometry3, Matrix6, Vector6};
 use serde_json::Value;
@@ -38,15 +38,7 @@ fn velocity(before: &Isometry3<f64>, now: &Isometry3<f64>, seconds: f64) -> Vect
 #[test]
 fn the_velocity_errs_as_its_covariance_states() {
     let Some(network) = Network::new() else { return };
-    let setup = Setup::new(70);
-    room(setup.frames());
-    let listener = network.listen(&[]);
-    let run = setup.start();
-    let ros2 = network.join(&setup, &[]);
-    let camera = network.camera(&setup, &[]);
-    setup.finish(run);
-    let words = ros2.finish();
-    drop(camera);
+    let (_, words, lines) = network.played(70, &[]);
     let (stamps, world_from_camera) = room_poses();
     // As camera.py plays them: to and fro, while time goes on.
     let period = stamps[1] - stamps[0];
@@ -54,7 +46,6 @@ fn the_velocity_errs_as_its_covariance_states() {
         let at = ((stamp_nanos - stamps[0]) as f64 / period as f64).round() as usize % (2 * stamps.len() - 2);
         world_from_camera[at.min(2 * stamps.len() - 2 - at)] * base_from_camera().inverse()
     };
-    let lines = listener.finish();
     let moving: Vec<Moving> =
         lines.iter().filter(|line| line["topic"] == "/tessera/odom").map(Moving::read).collect();
     let mut errors = Vec::new();

@@ -28,8 +28,7 @@ pub(crate) struct Reject<'a> {
 }
 
 impl pulp::WithSimd for Reject<'_> {
-    /// Queries that fell within the target's surface, and those that lie more than three standard deviations in front of
-    /// it.
+    /// Queries within the target's surface, and those more than three standard deviations in front of it.
     type Output = [u32; 2];
 
     #[inline(always)]

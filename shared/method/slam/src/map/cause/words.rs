@@ -158,8 +158,8 @@ mod tests {
             ],
             "median residual is 2.35 standard deviations, at most 2.00 are allowed; found by recognising keyframe \
              2 (similarity 0.68): 98 % of the frame in view, 46 % within its surface matched, 1.2 % in front, \
-             median residual 0.20 sigma, 31 features agree; confirmed by 12.0 of 13.8 nats; degenerate, held by the prediction: \
-             translation along (0.00 -0.12 1.00), sigma 0.046 m; rotation about (0.00 -0.12 1.00), sigma 5.73 deg",
+             median residual 0.20 sigma, 31 features agree; confirmed by 12.0 of 13.8 nats; degenerate, held by \
+             the prediction: translation along (0.00 -0.12 1.00), sigma 0.046 m; rotation about (0.00 -0.12 1.00), sigma 5.73 deg",
         );
         check(
             &[
