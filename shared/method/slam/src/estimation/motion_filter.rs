@@ -14,7 +14,8 @@
 //!
 //! An innovation `u` in units of `sqrt(S)` has a mean square of 1 where `s` is right, and is uncorrelated with the one
 //! before where `q` is (Mehra, IEEE Trans. Automatic Control 1970): a smaller `q` leaves a lag behind. Both are
-//! followed in logarithms, for translation and rotation apart.
+//! followed in logarithms, for translation and rotation apart. What the mean square is off by is divided as `S` is: of
+//! it `K S` is the prediction's and `(1 - K) S` the pose's, so that where one of them is small it is left alone.
 
 use crate::estimation::FORGETTING;
 use crate::estimation::student::{FREEDOM, THREE_AXES};
@@ -115,8 +116,8 @@ impl MotionState {
         let scale = self.scale();
         match stated {
             Some(stated) if self.is_known => {
-                let innovation = self.update(&velocity, stated, seconds);
-                self.learn(innovation);
+                let (innovation, gain) = self.update(&velocity, stated, seconds);
+                self.learn(innovation, &gain);
             }
             None if self.is_known => {
                 self.coast(seconds);
@@ -156,10 +157,11 @@ impl MotionState {
         [pp + 2.0 * pv * t + vv * t * t + q * t.powi(3) / 3.0, pv + vv * t + q * t * t / 2.0, vv + q * t]
     }
 
-    /// The filter's update; the innovation in units of its deviation.
-    fn update(&mut self, velocity: &Vector6, stated: &[f64; 6], seconds: f64) -> [f64; 6] {
+    /// The filter's update; the innovation in units of its deviation, and the gain, of each axis.
+    fn update(&mut self, velocity: &Vector6, stated: &[f64; 6], seconds: f64) -> ([f64; 6], [f64; 6]) {
         let scale = self.scale();
-        std::array::from_fn(|k| {
+        let mut gains = [0.0; 6];
+        let innovation = std::array::from_fn(|k| {
             let [pp, pv, vv] = self.ahead(k, seconds);
             // However little an alignment tells, it is no less than what is forgotten.
             let updated = (scale[k / 3] * stated[k]).min((1.0 - FORGETTING) * pp);
@@ -167,21 +169,24 @@ impl MotionState {
             let step = (velocity[k] - self.velocity[k]) * seconds;
             self.velocity[k] += pv / pp * step;
             self.variance[k] = [updated, pv * (1.0 - gain), vv - pv * pv * gain / pp];
+            gains[k] = gain;
             step / (pp * gain).sqrt()
-        })
+        });
+        (innovation, gains)
     }
 
     /// Follows the noise levels.
-    fn learn(&mut self, mut innovation: [f64; 6]) {
+    fn learn(&mut self, mut innovation: [f64; 6], gain: &[f64; 6]) {
         for group in 0..2 {
             let axes = 3 * group..3 * group + 3;
             let squared: f64 = axes.clone().map(|k| innovation[k].powi(2)).sum();
+            let of_motion = gain[axes.clone()].iter().sum::<f64>() / 3.0;
             let weight = THREE_AXES.weight(squared);
             axes.clone().for_each(|k| innovation[k] *= weight.sqrt().min(1.0));
             let correlation = axes.map(|k| innovation[k] * self.innovation[k]).sum::<f64>() / 3.0;
             let excess = THREE_AXES.consistency * weight * squared / 3.0 - 1.0;
-            self.ln_scale[group] += FORGETTING * excess;
-            self.ln_density[group] += FORGETTING * correlation;
+            self.ln_scale[group] += FORGETTING * (1.0 - of_motion) * excess;
+            self.ln_density[group] += FORGETTING * (of_motion * excess + correlation);
         }
         self.innovation = innovation;
     }
@@ -196,11 +201,11 @@ mod tests {
         (0..12).map(|_| random.next_u64() as f64 / u64::MAX as f64).sum::<f64>() - 6.0
     }
 
-    /// A camera whose velocity changes by `acceleration` (m/s^2 and rad/s^2 for a thirtieth of a second) and whose poses
-    /// err by `sigma`, where the alignment states `stated`: the state after three minutes.
-    fn filtered(acceleration: f64, sigma: f64, stated: f64) -> MotionState {
+    /// A camera whose velocity changes by `acceleration` (m/s^2 and rad/s^2) from frame to frame, `t` seconds apart, and
+    /// whose poses err by `sigma`, where the alignment states `stated`: the state after 5,400 frames.
+    fn filtered(acceleration: f64, sigma: f64, stated: f64, t: f64) -> MotionState {
         let mut random = SplitMix64::for_frame(3, 1);
-        let (mut state, t) = (MotionState::default(), 1.0 / 30.0);
+        let mut state = MotionState::default();
         let (mut velocity, mut pose, mut found) = ([0.0; 6], [0.0; 6], [0.0; 6]);
         for _ in 0..5400 {
             let mut after = [0.0; 6];
@@ -231,7 +236,7 @@ mod tests {
     fn planted_noise_levels_are_found() {
         for (acceleration, sigma) in [(1.0, 0.002), (1.0, 0.01), (4.0, 0.005), (0.3, 0.003)] {
             for stated in [sigma, 0.3 * sigma, 3.0 * sigma] {
-                let state = filtered(acceleration, sigma, stated);
+                let state = filtered(acceleration, sigma, stated, FRAME_S);
                 for group in 0..2 {
                     let found = (state.scale()[group]).sqrt() * stated;
                     assert!(
@@ -248,8 +253,24 @@ mod tests {
     }
 
     #[test]
+    fn where_motion_alone_makes_the_innovations_the_noise_of_poses_stays_as_it_was() {
+        // 0.8 s from frame to frame: predictions err by decimetres, poses by millimetres.
+        for acceleration in [0.02, 0.1, 1.0] {
+            let state = filtered(acceleration, 0.005, 0.005, 0.8);
+            let [translation, rotation] = state.scale();
+            assert!((0.1..10.0).contains(&translation) && (0.1..10.0).contains(&rotation), "{state:?}");
+            for group in 0..2 {
+                let density =
+                    START_ACCELERATION[group].powi(2) * FRAME_S * libm::exp(state.ln_density[group]);
+                let found = (density / 0.8).sqrt();
+                assert!((0.5..2.0).contains(&(found / acceleration)), "{acceleration}: {found}");
+            }
+        }
+    }
+
+    #[test]
     fn a_time_without_a_measurement_is_uncertain_and_a_velocity_forgotten_predicts_nothing() {
-        let mut state = filtered(1.0, 0.005, 0.005);
+        let mut state = filtered(1.0, 0.005, 0.005, FRAME_S);
         let variance = |state: &MotionState| state.predict(&Pose::identity(), 0.1).map(|p| p.variance[0]);
         let before = variance(&state).unwrap();
         state.coast(0.2);
