@@ -1,12 +1,17 @@
 //! Acceptance tests of an alignment (method 6).
 
+use crate::estimation::motion_filter::MotionPrior;
+use crate::evidence::pose_agreement::FAR_VOLUME;
+use crate::evidence::same_place::PlaceEvidence;
+use crate::evidence::sequential::SequentialTest;
 use crate::map::cause::{Cause, ReferenceFit};
 use crate::pairs::keyframe_pair::MIN_FEATURES;
 use crate::settings::WindowSettings;
 use crate::tracking::alignment::Alignment;
+use tessera_registration::PairReport;
 
-/// Failure tests for a frame whose motion was predicted.
-pub(crate) fn tracking(w: &WindowSettings, a: &Alignment) -> Result<(), Cause> {
+/// Failure tests for a frame whose motion was predicted; `motion`: as its last poses have it.
+pub(crate) fn tracking(w: &WindowSettings, a: &Alignment, motion: Option<&MotionPrior>) -> Result<(), Cause> {
     if !a.is_solved {
         return Err(Cause::Unsolved);
     }
@@ -15,7 +20,7 @@ pub(crate) fn tracking(w: &WindowSettings, a: &Alignment) -> Result<(), Cause> {
         return Ok(());
     }
     let (share, sigmas) = (a.match_share(), a.residual_sigmas());
-    if !(share >= w.min_match_share) {
+    if !(share >= w.min_match_share || is_where_it_moved(a, motion)) {
         return Err(Cause::FewMatches { share, least: w.min_match_share });
     }
     if !(sigmas <= w.max_residual_sigmas) {
@@ -28,9 +33,22 @@ pub(crate) fn tracking(w: &WindowSettings, a: &Alignment) -> Result<(), Cause> {
     Ok(())
 }
 
+/// Whether the surfaces that match, however few, lie where the motion led by as much evidence as a place is believed on.
+fn is_where_it_moved(a: &Alignment, motion: Option<&MotionPrior>) -> bool {
+    let Some(motion) = motion else { return false };
+    let views_nats = PlaceEvidence::of_surfaces(&best_report(a), &a.information).llr_nats();
+    let motion_nats = motion.coincidence_nats(&a.world_from_camera, FAR_VOLUME);
+    views_nats + motion_nats >= SequentialTest::accepted_nats()
+}
+
+/// Of the reference with most matches.
+fn best_report(a: &Alignment) -> PairReport {
+    a.reports.iter().max_by_key(|report| report.n_matches).copied().unwrap_or_default()
+}
+
 /// Shares and residual against the reference with most matches.
 fn best_fit(a: &Alignment) -> ReferenceFit {
-    let best = a.reports.iter().max_by_key(|report| report.n_matches).copied().unwrap_or_default();
+    let best = best_report(a);
     ReferenceFit {
         in_view: best.in_view(),
         matched: best.matched_within(),

@@ -56,7 +56,8 @@ pub(crate) fn track(
             (first, is_seen) = (second, true);
         }
     }
-    let passed = acceptance::tracking(&input.context.mapping.window, &first.alignment);
+    let passed =
+        acceptance::tracking(&input.context.mapping.window, &first.alignment, prediction.motion.as_ref());
     let is_strict = acceptance::strict(&first.alignment).is_ok();
     let verdict = match (is_strict, prediction.is_known && passed.is_ok()) {
         (true, _) => Decision::Accepted,

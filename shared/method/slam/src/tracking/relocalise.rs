@@ -66,7 +66,7 @@ pub(crate) fn confirm(
     let found = align_to(input, aligner, members, input.samples, &widened(input, prediction));
     let shown = found_place::shown(input, aligner, &found).ok_or(Cause::NoKeyframe)?;
     match shown {
-        Shown::Evidence(_) => acceptance::tracking(&input.context.mapping.window, &found.alignment)?,
+        Shown::Evidence(_) => acceptance::tracking(&input.context.mapping.window, &found.alignment, None)?,
         Shown::SurfacesAlone => acceptance::strict(&found.alignment).map(drop)?,
     }
     let test = found_place::with_frame(input, aligner, &found, shown);
