@@ -42,3 +42,19 @@ pub(crate) fn patiently<T, E: std::fmt::Debug>(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_attempt_in_which_the_machine_slept_is_not_the_last() {
+        let mut n = 0;
+        let made = patiently("a service", None, || {
+            n += 1;
+            std::thread::sleep(if n == 1 { PATIENCE + TURN } else { Duration::ZERO });
+            if n < 3 { Err("half made") } else { Ok(n) }
+        });
+        assert_eq!(made.unwrap(), 3);
+    }
+}

@@ -41,7 +41,7 @@ pub(super) fn strike(pid: u32, kind: FaultKind, random: &mut Random) -> Option<u
     done.ok().map(|()| at)
 }
 
-/// Stops a supervisor and all its stages for `asleep`, then continues them one by one in any order; answers when.
+/// Stops a supervisor and its stages for `asleep`, then continues them one by one in any order; answers when.
 pub(super) fn sleep(supervisor: u32, asleep: Duration, random: &mut Random) -> Option<u64> {
     let signal = |pid: u32, signal| {
         let process = i32::try_from(pid).ok().and_then(Pid::from_raw);
