@@ -24,6 +24,7 @@ mod promises {
         mod random_kills;
         mod resume;
         mod saved_map;
+        mod sleeps;
         mod submaps;
         mod systemd;
         mod turned_off;

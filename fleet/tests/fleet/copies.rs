@@ -14,6 +14,7 @@ use tessera_fleet::wire::carrier::RobotCarrier;
 use tessera_fleet::wire::piece::{Piece, PieceKind};
 use tessera_fleet::wire::request::{PieceRefusal, Request};
 use tessera_numerics::SplitMix64;
+use tessera_outputs::{CheckedFile, FileState};
 use tessera_slam::StoreSlot;
 
 /// A way that cuts, loses, repeats, swaps and spoils pieces, and brings some that were not asked for.
@@ -124,6 +125,12 @@ fn a_copy_is_the_run_whatever_happens_on_the_way() {
         assert_same(&from, &to);
         let again = visit(&mut faulty, &mut replica);
         assert_eq!((again.taken_bytes, again.refused.len()), (0, 0));
+        // As `tessera verify` reads it.
+        let verified = tessera_outputs::verify(&to).unwrap();
+        let is_whole = |file: &CheckedFile| file.state == FileState::Whole;
+        assert!(verified.is_whole && verified.files.iter().all(is_whole), "{form:?}: {verified:?}");
+        let surfaces = if form == CopyForm::Whole { "keyframes.store" } else { "surfaces.journal" };
+        assert!(verified.files.iter().any(|file| file.name == surfaces), "{verified:?}");
     }
     let expected = [
         PieceRefusal::Foreign,

@@ -6,8 +6,9 @@ use crate::durable_state::JournaledAligner;
 use crate::load_shedding::{FramePace, LoadShedding};
 use crate::ports::Ports;
 use crate::step::{Acknowledge, MissingSurface, Policy, process_frame};
+use std::time::Duration;
 use tessera_messages::WaitingOn;
-use tessera_stage::{Outcome, StageContext, StageError, monotonic_nanos};
+use tessera_stage::{AwakeDeadline, Outcome, StageContext, StageError};
 use tessera_surface::WorkloadLevel;
 
 const POLICY: Policy =
@@ -15,7 +16,7 @@ const POLICY: Policy =
 
 /// How long a successor waits for the frame whose pose was sent before its record was journaled: an idle writer
 /// gives it within 10 ms, on a busy machine later.
-const POSED_NANOS: u64 = 300_000_000;
+const POSED: Duration = Duration::from_millis(300);
 
 /// Runs until the run is finished, the stage is told to stop, or the state is to be read back.
 pub(crate) fn run(
@@ -75,11 +76,10 @@ pub(crate) fn run(
 fn await_posed(state: &JournaledAligner, ports: &mut Ports) -> Result<Option<u64>, StageError> {
     let next = state.fold.tracker.next_index();
     let Some(posed) = state.posed.due(next) else { return Ok(None) };
-    let (first, began) = (state.fold.tracker.first_recent_index().min(next), monotonic_nanos());
+    let (first, mut wait) = (state.fold.tracker.first_recent_index().min(next), AwakeDeadline::after(POSED));
     loop {
         ports.inbox.fill(first, None, &mut ports.pulse)?;
-        let is_late = monotonic_nanos().saturating_sub(began) > POSED_NANOS;
-        if ports.inbox.newest(posed).is_some() || is_late {
+        if ports.inbox.newest(posed).is_some() || wait.is_over() {
             return Ok(ports.inbox.get(posed).map(|_| posed));
         }
         ports.wait(WaitingOn::Surfaces)?;

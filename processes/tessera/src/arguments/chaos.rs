@@ -40,7 +40,7 @@ pub(crate) struct ChaosArguments {
         default_value = "sensor,reconstruct,align,optimise"
     )]
     pub(crate) stages: Vec<String>,
-    /// By what: kill, stop, slow, segv, abort, memory, full, drop, corrupt, index-jump, sync-fails, flip,
+    /// By what: kill, stop, slow, sleep, segv, abort, memory, full, drop, corrupt, index-jump, sync-fails, flip,
     /// page-zeroed, store-cut, store-lost
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "kill")]
     pub(crate) faults: Vec<String>,

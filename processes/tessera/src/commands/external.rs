@@ -6,12 +6,12 @@ use crate::commands::beside::with_company;
 use crate::commands::new_plan::{new_plan, run_dir};
 use crate::exit::{CommandError, Exit};
 use crate::launch::launch;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use tessera_geometry::Camera;
 use tessera_messages::{CameraFlow, CameraFrame, FrameShape, Kind, Stage};
 use tessera_settings::Settings;
 use tessera_sources::{named_camera, refuse_impossible_depth, summarise_image};
-use tessera_stage::{Lifeline, RunFiles};
+use tessera_stage::{AwakeDeadline, Lifeline, RunFiles};
 use tessera_supervisor::SupervisorError;
 use tessera_surface::Grid;
 use tessera_transport::{Layout, Link, RunClaim, TransportError};
@@ -83,9 +83,9 @@ fn await_first(claim: &RunClaim, settings: &Settings, speech: Speech) -> Result<
             identity.config_file.display()
         );
     }
-    let began = Instant::now();
+    let mut timeout = AwakeDeadline::after(Duration::from_secs_f64(settings.run.camera_timeout_s));
     let mut refused = None;
-    while began.elapsed().as_secs_f64() < settings.run.camera_timeout_s {
+    while !timeout.is_over() {
         if lifeline.is_cut() {
             return Ok(None);
         }

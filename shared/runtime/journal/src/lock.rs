@@ -5,19 +5,24 @@ use rustix::fs::{FlockOperation, flock};
 use std::fs::File;
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-/// Takes the exclusive lock on an open file, waiting up to `wait` for its holder to end.
+/// Time between two looks at a lock.
+const LOOK: Duration = Duration::from_millis(5);
+
+/// Takes the exclusive lock on an open file, waiting up to `wait` for its holder to end; time in which the machine
+/// sleeps does not count, for the holder sleeps too.
 ///
 /// # Errors
 /// [`JournalError::Locked`] with the holder's pid when the time is over.
 pub fn lock_file(file: &File, path: &Path, wait: Duration) -> Result<(), JournalError> {
-    let began = Instant::now();
+    let mut left = wait;
     loop {
         match flock(file, FlockOperation::NonBlockingLockExclusive) {
             Ok(()) => return Ok(()),
-            Err(rustix::io::Errno::WOULDBLOCK) if began.elapsed() < wait => {
-                std::thread::sleep(Duration::from_millis(5));
+            Err(rustix::io::Errno::WOULDBLOCK) if !left.is_zero() => {
+                std::thread::sleep(LOOK);
+                left = left.saturating_sub(LOOK);
             }
             Err(rustix::io::Errno::WOULDBLOCK) => {
                 return Err(JournalError::Locked { path: path.into(), holder: holder(file) });

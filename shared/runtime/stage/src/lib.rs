@@ -56,6 +56,6 @@ pub use probe::{PROBE_VARIABLE, PROBED, Probe};
 pub use pulse::{FIRST_OUTPUT, Pulse, READY};
 pub use record_versions::{ALIGN_JOURNAL, OPTIMISE_JOURNAL};
 pub use run_file::{MapIdentity, RECENT_SURFACES, RunFile, identity_of};
-pub use standstill::Standstill;
+pub use standstill::{AwakeDeadline, Standstill};
 pub use stopwatch::{Distributions, StepSpan, Stopwatch};
 pub use tracer::{TRACE_VARIABLE, TraceEvent, Tracer, read_trace};

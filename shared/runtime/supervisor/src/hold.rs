@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 use tessera_journal::Follower;
 use tessera_messages::{Beat, BeatState, Stage};
 use tessera_slam::AlignRecord;
-use tessera_stage::{ALIGN_JOURNAL, RunFiles, StageError, SystemdNotifier};
+use tessera_stage::{ALIGN_JOURNAL, AwakeDeadline, RunFiles, StageError, SystemdNotifier};
 use tessera_transport::{Link, RunClaim, Subscriber, remove_everything, shared_memory_in_use};
 
 /// Time between two looks at beats and journal.
@@ -43,7 +43,7 @@ pub fn hold(
     let mut end = HoldEnd::follow(&prepared.files)?;
     let mut heard = Heard::default();
     let mut shared_memory_bytes = 0;
-    let mut ended_at = None;
+    let mut grace = None;
     let mut cleaned_at = began;
     let mut notifier = SystemdNotifier::from_environment();
     notifier.ready();
@@ -59,8 +59,8 @@ pub fn hold(
         tell(&heard.progress(plan, began));
         if end.has_come()? {
             // The stages see it too and end by themselves.
-            let came = *ended_at.get_or_insert_with(Instant::now);
-            if heard.have_all_finished() || came.elapsed() > GRACE {
+            let grace = grace.get_or_insert_with(|| AwakeDeadline::after(GRACE));
+            if heard.have_all_finished() || grace.is_over() {
                 break RunOutcome::Finished;
             }
         }

@@ -12,7 +12,7 @@ use crate::watched::Watched;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 use tessera_messages::{Beat, Stage};
-use tessera_stage::{Standstill, SystemdNotifier};
+use tessera_stage::{AwakeDeadline, Standstill, SystemdNotifier};
 use tessera_transport::{Link, RunClaim, Subscriber, Sweeper, remove_everything, shared_memory_in_use};
 
 /// Time between two looks at the beats.
@@ -203,7 +203,10 @@ impl Supervisor<'_> {
         if nanos == 0 {
             return;
         }
-        tracing::info!("stood still for {:.1} s, as where a machine sleeps", nanos as f64 * 1e-9);
+        // Less is what a busy machine does.
+        if nanos >= 1_000_000_000 {
+            tracing::info!("stood still for {:.1} s, as where a machine sleeps", nanos as f64 * 1e-9);
+        }
         for watched in &mut self.stages {
             let later = watched.heard_at.checked_add(Duration::from_nanos(nanos));
             watched.heard_at = later.unwrap_or(watched.heard_at);
@@ -237,12 +240,13 @@ impl Supervisor<'_> {
                 drop(child.stdin.take());
             }
         }
-        let told_at = Instant::now();
+        let mut grace = AwakeDeadline::after(GRACE);
         while self.stages.iter().any(|watched| watched.child.is_some()) {
             let _ = self.hear();
+            let is_over = grace.is_over();
             for watched in &mut self.stages {
                 let Some(child) = &mut watched.child else { continue };
-                if told_at.elapsed() > GRACE {
+                if is_over {
                     let _ = child.kill();
                 }
                 if matches!(child.try_wait(), Ok(Some(_)) | Err(_)) {

@@ -107,6 +107,22 @@ fn a_machine_that_sleeps_costs_no_stage_and_no_byte() {
     assert!(run.log().contains("stood still for 4."), "{}", run.log());
 }
 
+/// Closed before its camera was there, for longer than that is waited for.
+#[test]
+fn a_machine_that_sleeps_while_it_waits_for_its_camera_waits_on() {
+    let run = external().with(&["--set", "run.camera_timeout_s=8"]);
+    let child = run.start();
+    let name = &run.name;
+    wait_for("the run's name", || registered_runs().unwrap().iter().any(|r| r.entry.name == *name));
+    signal(child.id(), "STOP");
+    std::thread::sleep(std::time::Duration::from_secs(9));
+    signal(child.id(), "CONT");
+    // Past the look at which the time would be over.
+    std::thread::sleep(std::time::Duration::from_millis(200));
+    let _camera = Foreign::start(&run, 64, "ring");
+    finished(&run, child, &undisturbed(), "after a sleep before the first image");
+}
+
 /// Goes on with a run that was given up.
 fn resume(run: &Run) -> Child {
     let mut command = Command::new(env!("CARGO_BIN_EXE_tessera"));

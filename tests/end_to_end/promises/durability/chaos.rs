@@ -26,9 +26,10 @@ fn lines(output: &Output) -> Vec<serde_json::Value> {
 #[test]
 fn all_kinds_of_faults_change_nothing() {
     let run = room();
-    let faults = "kill,stop,slow,segv,abort,memory,full,drop,corrupt,index-jump,sync-fails,flip,page-zeroed,\
-                  store-cut,store-lost";
+    let faults = "kill,stop,slow,sleep,segv,abort,memory,full,drop,corrupt,index-jump,sync-fails,flip,\
+                  page-zeroed,store-cut,store-lost";
     let arguments = ["--frames", "300", "--kills", "20", "--faults", faults, "--json"];
+    let arguments = [&arguments[..], &["--set", "flow.hang_s=5"]].concat();
     let lines = lines(&chaos(run.dir.path(), &arguments));
     let total = lines.last().unwrap();
     assert_eq!((&total["event"], &total["kept"]), (&"total".into(), &true.into()), "{total}");
@@ -38,6 +39,18 @@ fn all_kinds_of_faults_change_nothing() {
     let n_faults = lines.iter().filter(|line| line["event"] == "fault").count() as u64;
     assert_eq!(total["faults"], n_faults);
     assert!(!run.dir.path().join("chaos").exists(), "nothing is left where the promise was kept");
+}
+
+/// Longer than a stage may be silent; deaths beside it are those that were planned.
+#[test]
+fn sleeps_between_kills_change_nothing() {
+    let run = room();
+    let arguments = ["--frames", "600", "--kills", "6", "--faults", "sleep,kill", "--interval-ms", "200"];
+    let arguments = [&arguments[..], &["--set", "flow.hang_s=3", "--json"]].concat();
+    let lines = lines(&chaos(run.dir.path(), &arguments));
+    let sleeps: Vec<_> = lines.iter().filter(|line| line["fault"] == "sleep").collect();
+    assert!(!sleeps.is_empty() && sleeps.iter().all(|fault| fault["outcome"] == "no death"), "{lines:?}");
+    assert!(lines.last().unwrap()["kept"] == true, "{lines:?}");
 }
 
 #[test]

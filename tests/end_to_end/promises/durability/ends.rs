@@ -31,6 +31,17 @@ fn stages_end_when_their_supervisor_is_killed() {
     assert_eq!(run.leftovers(), Vec::<std::path::PathBuf>::new());
 }
 
+/// One waited for ever in an opening of iceoryx2, for shared memory that another had left without a size.
+#[test]
+fn a_stage_that_hangs_ends_with_its_supervisor() {
+    let run = room().frames(100_000).with(&["--set", "flow.hang_s=600"]).with_faults("sensor=read:9:hang");
+    let mut child = run.start();
+    wait_for("a stage to hang", || run.log().contains("struck by read:9:hang"));
+    signal(child.id(), "KILL");
+    child.wait().unwrap();
+    wait_for("the stages to end", || run.stage_pids().is_empty());
+}
+
 #[test]
 fn a_name_in_use_is_refused() {
     let run = room().frames(100_000);

@@ -201,7 +201,7 @@ pub fn attach(
         || targets.iter().any(|target| !matches!(target, FaultTarget::Stage(_)));
     if needs_own {
         return Err(ToolError::Arguments(
-            "--attach cannot drop, corrupt, jump, fail syncs or damage files, nor strike supervisor or group: expected kill, stop, slow, segv, abort, memory or full, and stages".into(),
+            "--attach cannot drop, corrupt, jump, fail syncs or damage files, nor strike supervisor or group: expected kill, stop, slow, sleep, segv, abort, memory or full, and stages".into(),
         ));
     }
     let Some(run) = living_runs()?.into_iter().find(|run| run.name == name) else {
@@ -210,7 +210,7 @@ pub fn attach(
     let schedule = FaultSchedule::new(arguments.seed, targets, kinds, arguments.interval_ms);
     let patience = Duration::from_secs(arguments.patience_s);
     let mut disturber = Disturber { schedule, most: arguments.kills, patience };
-    let disturbance = disturber.disturb_running(run.pid, Random::new(arguments.seed));
+    let disturbance = disturber.disturb_running(run.pid, &run.run_dir, Random::new(arguments.seed));
     let log = std::fs::read_to_string(RunFiles::new(&run.run_dir).log()).unwrap_or_default();
     let mut report = ChaosReport::new(name.to_owned(), arguments.seed, false);
     report.add_faults(1, &disturbance, &log);

@@ -5,12 +5,14 @@ use super::journaled::Journaled;
 use super::process::{n_open_files, rss_bytes, stage_pid, stage_pids, stages_in};
 use super::recovery::Hit;
 use super::schedule::{FaultKind, FaultSchedule, FaultTarget, Random, Strike};
-use super::strike::strike;
+use super::strike::{sleep, strike};
 use super::trial::Trial;
+use std::path::Path;
 use std::process::Child;
 use std::time::{Duration, Instant};
 use tessera_messages::Stage;
 use tessera_outputs::ToolError;
+use tessera_settings::Settings;
 use tessera_stage::{RunFiles, monotonic_nanos};
 
 /// Time between two looks whether a run is over.
@@ -153,7 +155,9 @@ impl Disturber {
                 break;
             }
             let Some(strike) = next else { continue };
-            if matches!(strike.targets[..], [FaultTarget::Group | FaultTarget::Supervisor]) {
+            if strike.kind == FaultKind::Sleep {
+                sleep_all(child.id(), &trial.dir, &mut random, &mut done);
+            } else if matches!(strike.targets[..], [FaultTarget::Group | FaultTarget::Supervisor]) {
                 if stage_pids(child.id()).is_empty() {
                     // At its beginning, or at an end that was not seen yet.
                     forget_overwritten(&mut damages);
@@ -182,12 +186,20 @@ impl Disturber {
     }
 
     /// Disturbs the stages of a supervisor that was started elsewhere.
-    pub(super) fn disturb_running(&mut self, supervisor: u32, mut random: Random) -> Disturbance {
+    pub(super) fn disturb_running(
+        &mut self,
+        supervisor: u32,
+        run_dir: &Path,
+        mut random: Random,
+    ) -> Disturbance {
         let mut done = Disturbance::default();
         while done.n_strikes() < self.most && rss_bytes(supervisor).is_some() {
             let Some(strike) = self.schedule.next_strike() else { break };
             std::thread::sleep(strike.after);
-            strike_stages(supervisor, &strike, &mut random, &mut done);
+            match strike.kind {
+                FaultKind::Sleep => sleep_all(supervisor, run_dir, &mut random, &mut done),
+                _ => strike_stages(supervisor, &strike, &mut random, &mut done),
+            }
         }
         // The last one gets time to come back.
         std::thread::sleep(Duration::from_secs(2));
@@ -223,6 +235,16 @@ fn strike_stages(supervisor: u32, planned: &Strike, random: &mut Random, done: &
         let hits = if is_deadly { vec![Hit { at_nanos, stage, pid }] } else { Vec::new() };
         done.strikes.push(Struck { target, kind, at_nanos, hits });
     }
+}
+
+/// Lets all processes sleep for longer than a stage may be silent; not before the run has its settings.
+fn sleep_all(supervisor: u32, run_dir: &Path, random: &mut Random, done: &mut Disturbance) {
+    let config = std::fs::read_to_string(RunFiles::new(run_dir).config()).unwrap_or_default();
+    let Ok(settings) = Settings::from_run(&config, "config.toml") else { return };
+    let asleep = settings.flow.hang_s + random.below(1000) as f64 * 1e-3;
+    let at = sleep(supervisor, Duration::from_secs_f64(asleep), random);
+    let (target, kind) = (FaultTarget::Group, FaultKind::Sleep);
+    done.strikes.extend(at.map(|at_nanos| Struck { target, kind, at_nanos, hits: Vec::new() }));
 }
 
 /// Kills the supervisor, alone or with all stages, and waits until none of them is left.

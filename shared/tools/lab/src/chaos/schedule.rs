@@ -13,6 +13,8 @@ pub enum FaultKind {
     Stop,
     /// Stopped and continued many times in a row.
     Slow,
+    /// All processes stopped for longer than a stage may be silent, then continued in any order: a laptop's sleep.
+    Sleep,
     /// SIGSEGV, as a bug in unsafe code would bring it.
     Segv,
     /// SIGABRT.
@@ -41,10 +43,11 @@ pub enum FaultKind {
 
 impl FaultKind {
     /// All kinds with their names.
-    pub const ALL: [(&'static str, FaultKind); 15] = [
+    pub const ALL: [(&'static str, FaultKind); 16] = [
         ("kill", FaultKind::Kill),
         ("stop", FaultKind::Stop),
         ("slow", FaultKind::Slow),
+        ("sleep", FaultKind::Sleep),
         ("segv", FaultKind::Segv),
         ("abort", FaultKind::Abort),
         ("memory", FaultKind::Memory),
@@ -137,6 +140,13 @@ impl Random {
         self.0.next_u64() % n.max(1)
     }
 
+    /// In an order of their own.
+    pub(super) fn shuffle<T>(&mut self, items: &mut [T]) {
+        for n in (1..items.len()).rev() {
+            items.swap(n, self.below(n as u64 + 1) as usize);
+        }
+    }
+
     fn pick<T: Copy>(&mut self, from: &[T]) -> Option<T> {
         from.get(self.below(from.len() as u64) as usize).copied()
     }
@@ -168,7 +178,7 @@ impl FaultSchedule {
             _ => 20 + self.random.below(2 * self.mean_ms),
         };
         let mut targets: Vec<FaultTarget> = self.random.pick(&self.targets).into_iter().collect();
-        if kind.is_damage() {
+        if kind.is_damage() || kind == FaultKind::Sleep {
             targets = vec![FaultTarget::Group];
         }
         // One in eight strikes two stages at once.
@@ -217,5 +227,7 @@ mod tests {
         assert_eq!(FaultSchedule::new(1, &[FaultTarget::Group], &only, 100).next_strike(), None);
         let mut flips = FaultSchedule::new(1, &[FaultTarget::Stage(Stage::Align)], &[FaultKind::Flip], 100);
         assert_eq!(flips.next_strike().unwrap().targets, [FaultTarget::Group]);
+        let mut sleeps = FaultSchedule::new(1, &[FaultTarget::Supervisor], &[FaultKind::Sleep], 100);
+        assert_eq!(sleeps.next_strike().unwrap().targets, [FaultTarget::Group]);
     }
 }
