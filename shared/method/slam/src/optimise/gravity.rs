@@ -110,3 +110,68 @@ fn variance_factor(ups: &[MeasuredUp]) -> f64 {
     let (axes, found) = (2.0 * squared.len() as f64, median / (2.0 * LN_2));
     (axes * found + PRIOR_FREEDOM) / (axes + PRIOR_FREEDOM)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::map::test_wall::{context, keyframe};
+    use tessera_numerics::SplitMix64;
+
+    /// A keyframe each two seconds, level but for what `lean` adds to up, radians about x.
+    fn keyframes(n: u32, lean: impl Fn(u32) -> f64) -> Vec<KeyframeState> {
+        let made = |id: u32| {
+            let up = UpDirection::of(&Vector3::new(0.0, -1.0, lean(id)), 0.02);
+            KeyframeState { stamp_nanos: 2_000_000_000 * i64::from(id), up, ..keyframe(id, 0, 0.0) }
+        };
+        (0..n).map(made).collect()
+    }
+
+    fn gravity(keyframes: &[KeyframeState]) -> Gravity {
+        let keyframes: Vec<&KeyframeState> = keyframes.iter().collect();
+        let mut submaps = Submaps::default();
+        submaps.extend_to(1);
+        Gravity::of(&context(), &keyframes, &submaps)
+    }
+
+    #[test]
+    fn forces_that_two_directions_share_count_once() {
+        let found = gravity(&keyframes(7, |_| 0.0));
+        let vertices: Vec<usize> = found.ups.measured.iter().map(|up| up.vertex).collect();
+        assert_eq!(vertices, [0, 2, 4, 6]);
+        assert!(found.ups.measured.iter().all(|up| up.instrument == 7));
+        let up = found.instruments[0].rotation * Vector3::z();
+        assert!((up + Vector3::y()).norm() < 1e-12, "{up}");
+    }
+
+    #[test]
+    fn each_run_has_a_vertical_in_each_component() {
+        let mut all = keyframes(8, |_| 0.0);
+        (all[2].session, all[5].session) = (1, 1);
+        all[6].submap = 1;
+        all[3].up = None;
+        all[4].up = Some(UpDirection { in_camera: [f64::NAN, 0.0, 0.0], sigma_rad: 0.02 });
+        let found = gravity(&all);
+        let measured: Vec<_> = found.ups.measured.iter().map(|up| (up.vertex, up.instrument)).collect();
+        assert_eq!(measured, [(0, 8), (7, 8), (2, 9), (5, 9), (6, 10)]);
+        assert_eq!(found.priors.iter().map(|prior| prior.vertex).collect::<Vec<_>>(), [8, 9, 10]);
+        for none in [&all[3..4], &all[..0]] {
+            assert!(gravity(none).instruments.is_empty() && gravity(none).ups.measured.is_empty());
+        }
+    }
+
+    #[test]
+    fn the_variance_is_that_of_neighbours_and_not_of_drift() {
+        let mut random = SplitMix64::new(3);
+        let noise: Vec<f64> = (0..400).map(|_| (0..12).map(|_| random.unit()).sum::<f64>() - 6.0).collect();
+        let sigma = |sigma: f64, drift: f64| {
+            let lean = |id: u32| sigma * noise[id as usize] + drift * f64::from(id);
+            // The noise is about one of two axes.
+            gravity(&keyframes(400, lean)).ups.measured[0].sigma_rad
+        };
+        let (small, usual, drifting) = (sigma(0.002, 0.0), sigma(0.02, 0.0), sigma(0.002, 0.0005));
+        assert!((0.004..0.008).contains(&small), "{small}");
+        assert!((0.01..0.02).contains(&usual), "{usual}");
+        assert!((drifting - small).abs() < 0.1 * small, "{drifting}, {small} without drift");
+        assert!(sigma(0.3, 0.0) > 0.15, "an accelerometer that is not as it states");
+    }
+}
