@@ -3,15 +3,16 @@
 //! Each run has one vertical in a component and one constant error of its accelerometer, both free, so that nothing
 //! moves the first keyframe. The mean force of which a direction is made takes [`UpDirection::LONGEST_S`]: directions
 //! nearer in time are of the same forces, so that one counts for all of them. What two that follow each other disagree
-//! by, with the turn between them as the poses have it, is noise and hardly drift: the median of its square, over that
-//! of a chi-square of two axes, estimates the factor of the stated variances.
+//! by, with the turn between them as the poses have it, is the constant error, which turns with the camera, and noise,
+//! and hardly drift: the median of its square, over that of a chi-square of two axes, estimates the factor of the stated
+//! variances.
 
 use crate::estimation::noise_scales::PRIOR_FREEDOM;
 use crate::estimation::student;
 use crate::map::context::Context;
 use crate::map::state::KeyframeState;
 use crate::map::submaps::Submaps;
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use std::collections::BTreeMap;
 use std::f64::consts::LN_2;
 use tessera_geometry::{Matrix6, Pose, UpDirection, Vector6};
@@ -32,8 +33,20 @@ struct MeasuredUp {
     vertex: usize,
     stamp_nanos: i64,
     in_camera: Vector3<f64>,
-    in_world: Vector3<f64>,
+    world_from_camera: UnitQuaternion<f64>,
     variance: f64,
+}
+
+impl MeasuredUp {
+    fn in_world(&self) -> Vector3<f64> {
+        self.world_from_camera * self.in_camera
+    }
+
+    /// What a constant error in the camera's axes turns up of the world by.
+    fn across(&self) -> Matrix3<f64> {
+        let across = Matrix3::identity() - self.in_camera * self.in_camera.transpose();
+        self.world_from_camera.to_rotation_matrix().into_inner() * across
+    }
 }
 
 impl Gravity {
@@ -48,7 +61,7 @@ impl Gravity {
                 vertex,
                 stamp_nanos: keyframe.stamp_nanos,
                 in_camera,
-                in_world: Pose::from(&keyframe.world_from_camera).rotation * in_camera,
+                world_from_camera: Pose::from(&keyframe.world_from_camera).rotation,
                 variance: sigma_rad * sigma_rad,
             };
             runs.entry((submaps.component(keyframe.submap), keyframe.session)).or_default().push(measured);
@@ -63,7 +76,7 @@ impl Gravity {
     /// Adds the accelerometer of a run, whose vertex is behind those of so many keyframes.
     fn add(&mut self, ups: Vec<MeasuredUp>, n_keyframes: usize) {
         let instrument = n_keyframes + self.instruments.len();
-        let sum: Vector3<f64> = ups.iter().map(|up| up.in_world / up.variance).sum();
+        let sum: Vector3<f64> = ups.iter().map(|up| up.in_world() / up.variance).sum();
         let half_turn = || UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
         let turn = UnitQuaternion::rotation_between(&Vector3::z(), &sum).unwrap_or_else(half_turn);
         let predicted = Pose::from_parts(Vector3::zeros().into(), turn);
@@ -74,7 +87,7 @@ impl Gravity {
         let information = Matrix6::from_diagonal(&known);
         self.instruments.push(predicted);
         self.priors.push(Prior { vertex: instrument, predicted, information });
-        let factor = variance_factor(&ups);
+        let factor = variance_factor(&ups, least);
         self.ups.measured.extend(ups.iter().map(|up| Up {
             vertex: up.vertex,
             instrument,
@@ -97,13 +110,23 @@ fn independent(mut ups: Vec<MeasuredUp>) -> Vec<MeasuredUp> {
     ups
 }
 
-/// Factor of the stated variances, by what neighbours in time disagree by; 1 where too little is known.
-fn variance_factor(ups: &[MeasuredUp]) -> f64 {
+/// Factor of the stated variances, by what neighbours in time disagree by beyond the constant error that fits them
+/// best; 1 where too little is known.
+fn variance_factor(ups: &[MeasuredUp], variance_of_error: f64) -> f64 {
+    // Both directions in the world, where the constant error turns with the camera: `d = A b`.
     let apart = |pair: &[MeasuredUp]| match pair {
-        [a, b] => (a.in_world - b.in_world).norm_squared() / (a.variance + b.variance),
-        _ => 0.0,
+        [a, b] => Some((a.in_world() - b.in_world(), a.across() - b.across(), a.variance + b.variance)),
+        _ => None,
     };
-    let mut squared: Vec<f64> = ups.windows(2).map(apart).collect();
+    let pairs: Vec<(Vector3<f64>, Matrix3<f64>, f64)> = ups.windows(2).filter_map(apart).collect();
+    let (mut h, mut g) = (Matrix3::identity() / variance_of_error, Vector3::zeros());
+    for (d, by_error, variance) in &pairs {
+        h += by_error.transpose() * by_error / *variance;
+        g += by_error.transpose() * d / *variance;
+    }
+    let error = h.cholesky().map_or_else(Vector3::zeros, |h| h.solve(&g));
+    let squared = pairs.iter().map(|(d, by_error, variance)| (d - by_error * error).norm_squared() / variance);
+    let mut squared: Vec<f64> = squared.collect();
     squared.sort_by(f64::total_cmp);
     let Some(median) = squared.get(squared.len() / 2) else { return 1.0 };
     // The median of a chi-square of two axes is 2 ln 2.

@@ -1,6 +1,5 @@
 //! Figures of a run: errors by ground truth, submaps, loops, and whether the stated deviations hold.
 
-use nalgebra::Vector3;
 use tessera_evaluation::{EvaluationOptions, Trajectory, evaluate};
 use tessera_geometry::{Pose, adjoint, from_upper_triangle, log};
 use tessera_offline::{Records, State};
@@ -34,8 +33,6 @@ pub(super) fn report(sequence: &str, seed: u64, truth: Option<&Trajectory>, reco
     line("online", &of_main_map(records, records.online()));
     report_certainty(records, truth);
     line("final", &of_main_map(records, records.last()));
-    let [rms, end] = tilt_deg(&of_main_map(records, records.last()), truth);
-    println!("    tilt against the first frame: {rms:.3} deg rms, {end:.3} deg at the end");
     if let Some(refined) = records.refined_camera() {
         line("as was", &of_main_map(records, records.before_refinement()));
         let [before, after] = refined.residual_sigmas;
@@ -44,18 +41,6 @@ pub(super) fn report(sequence: &str, seed: u64, truth: Option<&Trajectory>, reco
             refined.camera, refined.moved_px, refined.n_held
         );
     }
-}
-
-/// Angle between up at each frame and up at the first, degrees, root mean square and last; the truth has z up.
-fn tilt_deg(estimate: &Trajectory, truth: &Trajectory) -> [f64; 2] {
-    let up = |(stamp, pose): (&i64, &Pose)| {
-        let camera_from_world = true_pose(truth, *stamp)?.rotation.inverse();
-        Some(pose.rotation * (camera_from_world * Vector3::z()))
-    };
-    let ups: Vec<_> = estimate.stamps_nanos.iter().zip(&estimate.poses).filter_map(up).collect();
-    let tilts: Vec<f64> = ups.iter().map(|up| up.angle(&ups[0]).to_degrees()).collect();
-    let squares: f64 = tilts.iter().map(|tilt| tilt * tilt).sum();
-    [(squares / tilts.len() as f64).sqrt(), tilts.last().copied().unwrap_or(f64::NAN)]
 }
 
 /// The component with most tracked frames.
@@ -106,8 +91,6 @@ pub(super) fn print_figures(sequence: &str, seed: u64, truth: Option<&Trajectory
         figures[format!("rpe_{name}_m_per_s")] = e.rpe_translation_rmse_m_per_s.into();
     }
     let certainty = certainty(records, truth);
-    let [rms, end] = tilt_deg(&of_main_map(records, records.last()), truth);
-    (figures["tilt_rms_deg"], figures["tilt_end_deg"]) = (rms.into(), end.into());
     figures["within_3_sigma"] = certainty.within.into();
     figures["normalised_error"] = certainty.normalised.into();
     println!("{figures}");

@@ -1,12 +1,11 @@
 //! Runs whole sequences in one process and prints their errors.
 //!
-//! `cargo run --release -p tessera-offline --example run_sequence -- SEQUENCE... [--frames N] [--seeds N] [--every N] [--reverse] [--passes N] [--holes SHARE] [--colour FAULT] [--colour-of SEQUENCE] [--camera FILE] [--no-up] [--distort K1] [--readout SECONDS] [--simulation 'KEY = VALUE'] [--skip N] [--json] [key=value]...`
+//! `cargo run --release -p tessera-offline --example run_sequence -- SEQUENCE... [--frames N] [--seeds N] [--every N] [--reverse] [--passes N] [--holes SHARE] [--colour FAULT] [--colour-of SEQUENCE] [--camera FILE] [--readout SECONDS] [--simulation 'KEY = VALUE'] [--skip N] [--json] [key=value]...`
 //!
 //! A SEQUENCE is a folder or a simulated scene. `--every 6` takes each sixth frame, `--reverse` goes
 //! backwards in time, `--passes 6` goes there and back so many times over it in all, `--holes 0.37` takes the depth of that share of pixels away, at random,
 //! `--colour-of` takes the colour images of another sequence of the same size, and `--camera` takes
-//! another camera: a folder's frames are as they are, a scene is rendered with it; `--no-up` leaves the accelerometer out; `--distort`
-//! renders a scene through a lens of that radial distortion and states none; `--readout` states another readout of
+//! another camera: a folder's frames are as they are, a scene is rendered with it; `--readout` states another readout of
 //! frames as they are. `--json` prints a line of
 //! figures for each run, which `scripts/accuracy.py` reads.
 #![forbid(unsafe_code)]
@@ -32,8 +31,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut readout_s = None;
     let mut simulation = SimulationOptions::default();
     let (mut colour_fault, mut colour_of) = (None, None);
-    let (mut skip, mut is_json, mut has_up) = (0, false, true);
-    let mut distort = None;
+    let (mut skip, mut is_json) = (0, false);
     while let Some(argument) = arguments.next() {
         match argument.as_str() {
             "--frames" => frames = Some(arguments.next().ok_or("--frames N")?.parse::<u64>()?),
@@ -49,8 +47,6 @@ fn main() -> Result<(), Box<dyn Error>> {
             "--readout" => readout_s = Some(arguments.next().ok_or("--readout SECONDS")?.parse::<f64>()?),
             "--skip" => skip = arguments.next().ok_or("--skip N")?.parse::<u64>()?,
             "--json" => is_json = true,
-            "--no-up" => has_up = false,
-            "--distort" => distort = Some(arguments.next().ok_or("--distort K1")?.parse::<f64>()?),
             "--simulation" => {
                 let table = arguments.next().ok_or("--simulation 'key = value'")?;
                 simulation = toml::from_str::<SimulationOptions>(&table)?;
@@ -59,7 +55,6 @@ fn main() -> Result<(), Box<dyn Error>> {
             _ => sequences.push(argument),
         }
     }
-    simulation.distortion = distort.map(|k1| [k1, 0.0, 0.0, 0.0, 0.0]);
     for sequence in &sequences {
         let options = SourceOptions {
             frames,
@@ -78,7 +73,6 @@ fn main() -> Result<(), Box<dyn Error>> {
         let mut decoded: Vec<RawFrame> = decoded.into_iter().step_by(every).collect();
         there_and_back(&mut decoded, truth.as_mut(), n_passes);
         pierce(&mut decoded, hole_share);
-        decoded.iter_mut().for_each(|frame| frame.up = frame.up.filter(|_| has_up));
         spoil_colour(&mut decoded, colour_fault.as_deref(), source.camera().width as usize)?;
         if let Some(other) = &colour_of {
             let other = tessera_sources::open(&SourceSpec::parse(other), &options)?;
@@ -98,7 +92,6 @@ fn main() -> Result<(), Box<dyn Error>> {
             };
             let mut stated = source.camera().clone();
             stated.readout_s = readout_s.unwrap_or(stated.readout_s);
-            stated.distortion = if distort.is_some() { [0.0; 5] } else { stated.distortion };
             let started = cpu_ms();
             let mut run = Run::stamped(&stated, &method, source.pairing().stamp_sigma_s())?;
             for frame in &decoded {
