@@ -12,6 +12,7 @@ mod assemble;
 mod block;
 mod costs;
 mod graph;
+mod lean;
 mod levenberg;
 mod linearised;
 mod multi_edge;

@@ -1,4 +1,4 @@
-//! Up as an accelerometer measured it at some poses: what holds their roll and pitch (method 8.5).
+//! Up as an accelerometer measured it at some poses: what holds their roll and pitch (method 12.5).
 //!
 //! An instrument is a vertex of its own, whose pose is no place: its rotation `R_v` turns its z axis into up of the
 //! world, and its translation is the constant error `b` of what it measures, as a share of gravity, in the camera's
@@ -9,12 +9,14 @@
 //!
 //! A turn about up has no part in it: heading and position are left to the pairs.
 
+use crate::robust::STILL_SIGMAS;
 use crate::solve::BlockSystem;
 use nalgebra::{Matrix3, Matrix3x6, Vector3};
+use std::f64::consts::LN_2;
 use tessera_geometry::{Pose, hat};
 
 /// Axes in which a direction is measured.
-const AXES: f64 = 2.0;
+pub(crate) const AXES: f64 = 2.0;
 
 /// Up at one pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,6 +41,10 @@ pub struct Ups {
     pub freedom: f64,
     /// Information of the pair blocks for one of the inverse variance.
     pub unit: f64,
+    /// Factor of all, at first 1: that by which the pairs' variance exceeds what they state. 0 takes them out.
+    pub weight: f64,
+    /// Degrees of freedom by which that factor is known to be 1.
+    pub prior_freedom: f64,
 }
 
 impl Up {
@@ -68,10 +74,29 @@ impl Up {
 }
 
 impl Ups {
+    /// Decrease of the cost that is too small to matter to this many unknowns, where anything was measured: what up
+    /// tells of a slow lean is little beside the cost of all pairs.
+    pub(crate) fn least_decrease(&self, n_unknowns: usize) -> Option<f64> {
+        let still = STILL_SIGMAS * STILL_SIGMAS * self.unit;
+        (!self.measured.is_empty()).then_some(still * n_unknowns as f64)
+    }
+
     /// `(nu + 2) ln(1 + q / nu)` over all, `q` the squared residual over its variance.
     pub(crate) fn cost(&self, poses: &[Pose]) -> f64 {
         let of = |up: &Up| libm::log1p(up.squared(&up.residual(poses).0) / self.freedom);
-        self.unit * (self.freedom + AXES) * self.measured.iter().map(of).sum::<f64>()
+        self.unit * self.weight * (self.freedom + AXES) * self.measured.iter().map(of).sum::<f64>()
+    }
+
+    /// What all disagree with the poses by, in units of their variance, by the median of their squares: accelerations
+    /// and faults have no part in it.
+    pub(crate) fn squares(&self, poses: &[Pose]) -> f64 {
+        let squared = |up: &Up| up.squared(&up.residual(poses).0);
+        let mut squared: Vec<f64> = self.measured.iter().map(squared).collect();
+        squared.sort_by(f64::total_cmp);
+        // The median of a chi-square of two axes is 2 ln 2.
+        squared
+            .get(squared.len() / 2)
+            .map_or(0.0, |median| AXES * squared.len() as f64 * median / (2.0 * LN_2))
     }
 
     /// Adds all to the system of the free poses, which `slot` places, each at the weight that its residual has.
@@ -80,7 +105,7 @@ impl Ups {
         for up in &self.measured {
             let (e, of_camera, of_instrument) = up.linearise(poses);
             let student = (self.freedom + AXES) / (self.freedom + up.squared(&e));
-            let weight = self.unit * student / (up.sigma_rad * up.sigma_rad);
+            let weight = self.unit * self.weight * student / (up.sigma_rad * up.sigma_rad);
             let (i, j) = (slot[up.vertex], slot[up.instrument]);
             for (s, jacobian) in [(i, &of_camera), (j, &of_instrument)] {
                 if s != usize::MAX {
@@ -99,7 +124,6 @@ impl Ups {
         }
     }
 }
-
 
 #[cfg(test)]
 mod tests;

@@ -26,7 +26,9 @@ fn main() -> Result<(), Box<dyn Error>> {
             "--frames" => frames = Some(value()?.parse::<u64>()?),
             "--seeds" => n_seeds = value()?.parse::<u64>()?,
             "--distort" => k1 = value()?.parse::<f64>()?,
-            name => scene = SceneName::ALL.into_iter().find(|scene| format!("{scene:?}").to_lowercase() == name),
+            name => {
+                scene = SceneName::ALL.into_iter().find(|scene| format!("{scene:?}").to_lowercase() == name)
+            }
         }
     }
     let scene = scene.ok_or("no scene of this name")?;

@@ -2,7 +2,8 @@
 
 use super::*;
 use crate::graph::tests::pair;
-use crate::{Graph, Pair, Prior};
+use crate::lean::weigh_up;
+use crate::{Graph, Pair, Prior, Solver};
 use tessera_geometry::{Matrix6, Twist, Vector6, exp, rotation_exp, rotation_log};
 use tessera_numerics::SplitMix64;
 
@@ -31,11 +32,11 @@ struct Planted {
     drift: f64,
     /// Constant error in the camera's axes.
     bias: Vector3<f64>,
+    /// Factor of the information that the pairs state.
+    overstated: f64,
     /// Error of a measurement in the camera's axes beside noise.
     fault: fn(usize) -> Vector3<f64>,
 }
-
-const NO_FAULT: fn(usize) -> Vector3<f64> = |_| Vector3::zeros();
 
 /// Errors of the poses without and with up: largest tilt and turn about up, radians, and position, metres.
 fn errors(planted: &Planted) -> [[f64; 3]; 2] {
@@ -54,7 +55,7 @@ fn errors(planted: &Planted) -> [[f64; 3]; 2] {
         let between = about.inverse() * turn * about * (truth[k - 1].inverse() * truth[k]);
         poses.push(poses[k - 1] * between);
         // The cross of a pair has information 4 about each axis.
-        let weight = 0.25 / (TURN_NOISE * TURN_NOISE);
+        let weight = 0.25 * planted.overstated / (TURN_NOISE * TURN_NOISE);
         pairs.push(Pair { weight, ..pair(k, k - 1, &between) });
     }
     let mut measured = Vec::new();
@@ -74,9 +75,11 @@ fn errors(planted: &Planted) -> [[f64; 3]; 2] {
             graph.poses.push(predicted);
             graph.is_fixed.push(false);
             graph.priors.push(Prior { vertex: N, predicted, information });
-            graph.ups = Ups { measured, freedom: 4.0, unit: 1.0 };
+            graph.ups = Ups { measured, freedom: 4.0, unit: 1.0, weight: 1.0, prior_freedom: 20.0 };
         }
-        graph.optimise(30, &mut || ()).unwrap();
+        let mut solver = Solver::default();
+        graph.optimise_again(30, &mut solver, &mut || ()).unwrap();
+        weigh_up(&mut graph, 30, &mut solver, &mut || ()).unwrap();
         assert_eq!(graph.poses[0], truth[0]);
         let mut worst = [0.0f64; 3];
         for (found, truth) in graph.poses.iter().zip(&truth) {
@@ -90,25 +93,38 @@ fn errors(planted: &Planted) -> [[f64; 3]; 2] {
     })
 }
 
+impl Default for Planted {
+    fn default() -> Self {
+        Self { drift: 0.0, bias: Vector3::zeros(), overstated: 1.0, fault: |_| Vector3::zeros() }
+    }
+}
+
 #[test]
 fn drift_in_roll_and_pitch_is_held_to_the_noise() {
-    let planted = Planted { drift: 0.002, bias: Vector3::new(0.01, 0.0, -0.008), fault: NO_FAULT };
-    let [without, with] = errors(&planted);
-    assert!(without[0] > 0.15, "{without:?}");
-    assert!(with[0] < 3.0 * NOISE && with[1] < without[1] + 0.1 * NOISE && with[2] < without[2], "{with:?}");
+    let bias = Vector3::new(0.01, 0.0, -0.008);
+    for overstated in [1.0, 30.0] {
+        let [without, with] = errors(&Planted { drift: 0.002, bias, overstated, ..Planted::default() });
+        assert!(without[0] > 0.15, "{without:?}");
+        assert!(with[0] < 3.0 * NOISE && with[1] < without[1] + 0.1 * NOISE, "{overstated}: {with:?}");
+        assert!(with[2] < 0.5 * without[2], "{overstated}: {with:?}");
+    }
 }
 
 #[test]
 fn without_drift_noise_bends_nothing() {
-    let [without, with] = errors(&Planted { drift: 0.0, bias: Vector3::zeros(), fault: NO_FAULT });
-    assert!(without[0] < 1e-6 && with[0] < 1.5 * NOISE && with[1] < 0.01 * NOISE, "{with:?}");
+    for overstated in [1.0, 30.0] {
+        let [without, with] = errors(&Planted { overstated, ..Planted::default() });
+        assert!(without[0] < 1e-6 && with[0] < 1.5 * NOISE && with[1] < 0.01 * NOISE, "{with:?}");
+    }
 }
 
 #[test]
 fn accelerations_of_some_poses_do_not_bend_a_map() {
     let fault = |k: usize| if k % 12 < 3 { Vector3::new(0.5, 0.1, 0.4) } else { Vector3::zeros() };
-    let [_, with] = errors(&Planted { drift: 0.002, bias: Vector3::zeros(), fault });
-    assert!(with[0] < 4.0 * NOISE, "{with:?}");
+    for (drift, overstated) in [(0.0, 1.0), (0.0, 30.0), (0.002, 1.0)] {
+        let [_, with] = errors(&Planted { drift, overstated, fault, ..Planted::default() });
+        assert!(with[0] < 4.0 * NOISE, "{with:?}");
+    }
 }
 
 #[test]

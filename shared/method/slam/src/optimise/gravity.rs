@@ -1,4 +1,4 @@
-//! Gravity as a residual of keyframes (method 8.5): what accelerometers measured holds roll and pitch of all.
+//! Gravity as a residual of keyframes (method 12.5): what accelerometers measured holds roll and pitch of all.
 //!
 //! Each run has one vertical in a component and one constant error of its accelerometer, both free, so that nothing
 //! moves the first keyframe. The mean force of which a direction is made takes [`UpDirection::LONGEST_S`]: directions
@@ -67,7 +67,8 @@ impl Gravity {
             runs.entry((submaps.component(keyframe.submap), keyframe.session)).or_default().push(measured);
         }
         let unit = context.scales.surfaces * context.matcher().metric_factor();
-        let ups = Ups { measured: Vec::new(), freedom: student::FREEDOM, unit };
+        let (freedom, prior_freedom) = (student::FREEDOM, PRIOR_FREEDOM);
+        let ups = Ups { measured: Vec::new(), freedom, unit, weight: 1.0, prior_freedom };
         let mut gravity = Self { ups, ..Self::default() };
         runs.into_values().for_each(|ups| gravity.add(independent(ups), keyframes.len()));
         gravity
@@ -125,7 +126,8 @@ fn variance_factor(ups: &[MeasuredUp], variance_of_error: f64) -> f64 {
         g += by_error.transpose() * d / *variance;
     }
     let error = h.cholesky().map_or_else(Vector3::zeros, |h| h.solve(&g));
-    let squared = pairs.iter().map(|(d, by_error, variance)| (d - by_error * error).norm_squared() / variance);
+    let squared =
+        pairs.iter().map(|(d, by_error, variance)| (d - by_error * error).norm_squared() / variance);
     let mut squared: Vec<f64> = squared.collect();
     squared.sort_by(f64::total_cmp);
     let Some(median) = squared.get(squared.len() / 2) else { return 1.0 };
