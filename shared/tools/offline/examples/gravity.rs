@@ -1,6 +1,6 @@
 //! Tilt and error of simulated runs with and without an accelerometer, on the same frames.
 //!
-//! `cargo run --release -p tessera-offline --example gravity -- SCENE [--frames N] [--seeds N] [--distort K1]`
+//! `cargo run --release -p tessera-offline --example gravity -- SCENE [--frames N] [--every N] [--seeds N] [--distort K1]`
 //!
 //! A seed is that of the simulation: of the instrument's constant errors as well. Images are of 320x240 pixels.
 //! `--distort` renders through a lens of that radial distortion and states none, so that surfaces are bent and poses
@@ -15,15 +15,16 @@ use tessera_offline::{Camera, Method, RawFrame, Records, Run, Source, Trajectory
 use tessera_sources::{SceneName, SimulatedSource, SimulationOptions};
 
 /// Frames that are rendered at a time.
-const CHUNK: u64 = 64;
+const CHUNK: usize = 64;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let (mut scene, mut frames, mut n_seeds, mut k1) = (None, None, 1, 0.0);
+    let (mut scene, mut frames, mut every, mut n_seeds, mut k1) = (None, None, 1, 1, 0.0);
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
         let mut value = || arguments.next().ok_or(format!("{argument} has no value"));
         match argument.as_str() {
             "--frames" => frames = Some(value()?.parse::<u64>()?),
+            "--every" => every = value()?.parse::<u64>()?.max(1),
             "--seeds" => n_seeds = value()?.parse::<u64>()?,
             "--distort" => k1 = value()?.parse::<f64>()?,
             name => {
@@ -42,11 +43,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         let source = SimulatedSource::open(scene, file.to_str(), frames, &options)?;
         let stated = Camera { distortion: [0.0; 5], ..source.camera().clone() };
         let mut runs = [false, true].map(|has_up| (has_up, Run::new(&stated, &Method::default())));
-        let n = source.n_frames().unwrap_or(0);
-        for first in (0..n).step_by(CHUNK as usize) {
-            let read = |index| RawFrame::read(&source, index);
-            let chunk: Vec<RawFrame> =
-                (first..(first + CHUNK).min(n)).into_par_iter().map(read).collect::<Result<_, _>>()?;
+        let indices: Vec<u64> = (0..source.n_frames().unwrap_or(0)).step_by(every as usize).collect();
+        for some in indices.chunks(CHUNK) {
+            let read = |&index: &u64| RawFrame::read(&source, index);
+            let chunk: Vec<RawFrame> = some.par_iter().map(read).collect::<Result<_, _>>()?;
             runs.par_iter_mut().for_each(|(has_up, run)| {
                 for frame in &chunk {
                     let up = frame.up.filter(|_| *has_up);
