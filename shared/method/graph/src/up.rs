@@ -1,11 +1,11 @@
 //! Up as an accelerometer measured it at some poses: what holds their roll and pitch (method 12.5).
 //!
-//! An instrument is a vertex of its own, whose pose is no place: its rotation `R_v` turns its z axis into up of the
-//! world, and its translation is the constant error `b` of what it measures, as a share of gravity, in the camera's
-//! axes. Where `p = R_i^T R_v e_z` is up as the poses have it, in the camera's axes, a measured unit vector `u_i` has
-//! the residual
+//! An instrument is a vertex of its own, whose pose is no place: its rotation `R_v` is that of a level camera, whose y
+//! axis points down, and its translation is the constant error `b` of what it measures, as a share of gravity, in the
+//! axes of the camera that carries it. Where `p = -R_i^T R_v e_y` is up as the poses have it, in the camera's axes, a
+//! measured unit vector `u` has the residual
 //!
-//! `e = u_i - (I - u_i u_i^T) b - p`, `de/dphi_i = -[p]x`, `de/dphi_v = R_i^T R_v [e_z]x`, `de/drho_v = -(I - u u^T) R_v`.
+//! `e = u - (I - u u^T) b - p`, `de/dphi_i = -[p]x`, `de/dphi_v = -R_i^T R_v [e_y]x`, `de/drho_v = -(I - u u^T) R_v`.
 //!
 //! A turn about up has no part in it: heading and position are left to the pairs.
 
@@ -53,17 +53,17 @@ impl Up {
         let (camera, instrument) = (&poses[self.vertex], &poses[self.instrument]);
         let turn = (camera.rotation.inverse() * instrument.rotation).to_rotation_matrix().into_inner();
         let across = Matrix3::identity() - self.in_camera * self.in_camera.transpose();
-        (self.in_camera - across * instrument.translation.vector - turn.column(2), turn, across)
+        (self.in_camera - across * instrument.translation.vector + turn.column(1), turn, across)
     }
 
     /// The residual with its derivatives by the camera's pose and the instrument's.
     fn linearise(&self, poses: &[Pose]) -> (Vector3<f64>, Matrix3x6<f64>, Matrix3x6<f64>) {
         let (e, turn, across) = self.residual(poses);
         let (mut of_camera, mut of_instrument) = (Matrix3x6::zeros(), Matrix3x6::zeros());
-        of_camera.fixed_view_mut::<3, 3>(0, 3).copy_from(&-hat(&turn.column(2).into_owned()));
+        of_camera.fixed_view_mut::<3, 3>(0, 3).copy_from(&hat(&turn.column(1).into_owned()));
         let world_from_instrument = poses[self.instrument].rotation.to_rotation_matrix().into_inner();
         of_instrument.fixed_view_mut::<3, 3>(0, 0).copy_from(&-(across * world_from_instrument));
-        of_instrument.fixed_view_mut::<3, 3>(0, 3).copy_from(&(turn * hat(&Vector3::z())));
+        of_instrument.fixed_view_mut::<3, 3>(0, 3).copy_from(&-(turn * hat(&Vector3::y())));
         (e, of_camera, of_instrument)
     }
 

@@ -68,9 +68,9 @@ fn errors(planted: &Planted) -> [[f64; 3]; 2] {
         graph.is_fixed = (0..N).map(|k| k == 0).collect();
         if !measured.is_empty() {
             let sum: Vector3<f64> = measured.iter().map(|up| poses[up.vertex].rotation * up.in_camera).sum();
-            let vertical = nalgebra::UnitQuaternion::rotation_between(&Vector3::z(), &sum).unwrap();
+            let vertical = nalgebra::UnitQuaternion::rotation_between(&-Vector3::y(), &sum).unwrap();
             let predicted = Pose::from_parts(Vector3::zeros().into(), vertical);
-            let known = Vector6::new(1.0, 1.0, 1.0, 0.0, 0.0, 1.0) / (NOISE * NOISE);
+            let known = Vector6::new(1.0, 1.0, 1.0, 0.0, 1.0, 0.0) / (NOISE * NOISE);
             let information = Matrix6::from_diagonal(&known);
             graph.poses.push(predicted);
             graph.is_fixed.push(false);

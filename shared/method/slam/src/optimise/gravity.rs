@@ -78,13 +78,13 @@ impl Gravity {
     fn add(&mut self, ups: Vec<MeasuredUp>, n_keyframes: usize) {
         let instrument = n_keyframes + self.instruments.len();
         let sum: Vector3<f64> = ups.iter().map(|up| up.in_world() / up.variance).sum();
-        let half_turn = || UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
-        let turn = UnitQuaternion::rotation_between(&Vector3::z(), &sum).unwrap_or_else(half_turn);
-        let predicted = Pose::from_parts(Vector3::zeros().into(), turn);
+        let level_from_world = UpDirection::of(&sum, 1.0).map(|up| up.levelled(&UnitQuaternion::identity()));
+        let world_from_level = level_from_world.unwrap_or_default().inverse();
+        let predicted = Pose::from_parts(Vector3::zeros().into(), world_from_level);
         // The constant error is a part of each deviation.
         let least = ups.iter().map(|up| up.variance).fold(f64::INFINITY, f64::min);
         let of_error = self.ups.unit / least;
-        let known = Vector6::new(of_error, of_error, of_error, 0.0, 0.0, of_error);
+        let known = Vector6::new(of_error, of_error, of_error, 0.0, of_error, 0.0);
         let information = Matrix6::from_diagonal(&known);
         self.instruments.push(predicted);
         self.priors.push(Prior { vertex: instrument, predicted, information });
@@ -164,7 +164,7 @@ mod tests {
         let vertices: Vec<usize> = found.ups.measured.iter().map(|up| up.vertex).collect();
         assert_eq!(vertices, [0, 2, 4, 6]);
         assert!(found.ups.measured.iter().all(|up| up.instrument == 7));
-        let up = found.instruments[0].rotation * Vector3::z();
+        let up = found.instruments[0].rotation * -Vector3::y();
         assert!((up + Vector3::y()).norm() < 1e-12, "{up}");
     }
 
