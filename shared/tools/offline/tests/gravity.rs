@@ -9,7 +9,7 @@ use tessera_offline::{Method, RawFrame, Records, Run};
 use tessera_sources::{SceneName, SimulatedSource, SimulationOptions, Source};
 
 /// Frames of the walk, and each how many of them are taken.
-const N_FRAMES: u64 = 3000;
+const N_FRAMES: u64 = 4500;
 const EVERY: usize = 5;
 
 /// The building through a lens that is not the stated one: surfaces are bent, and poses lean more and more.
@@ -55,5 +55,5 @@ fn a_map_that_drifts_leans_less_with_an_accelerometer() {
         assert_eq!(n_tracked, frames.len());
         tilt_rad(&records, truth)
     });
-    assert!(with < 0.9 * without, "{with} rad rms, {without} without");
+    assert!(with < 0.7 * without, "{with} rad rms, {without} without");
 }
