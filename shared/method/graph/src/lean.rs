@@ -1,6 +1,6 @@
 //! How far poses may lean beyond what their pairs state (method 12.5).
 //!
-//! Pairs share errors (a lens that is not quite the stated one, a keyframe that many are aligned to), so that their
+//! Pairs share errors (a lens that is not the stated one, a keyframe that many are aligned to), so that their
 //! information overstates how well a long chain holds roll and pitch. With the right factor `c` of the pairs' variance,
 //! what they and the measurements of up are off by, each in units of its variance, is the degrees of freedom that up adds
 //! (Paule and Mandel 1982). With a prior of `nu` degrees of freedom for `c = 1`:

@@ -11,6 +11,7 @@ use crate::block::PairBlock;
 use crate::costs::Costs;
 use crate::graph::{Graph, InnerReport, Pair, Solver, Stop};
 use crate::lean::weigh_up;
+use crate::statistics::STILL_SIGMAS;
 use rayon::prelude::*;
 use tessera_geometry::Pose;
 use tessera_numerics::NotPositiveDefinite;
@@ -44,9 +45,6 @@ impl GemanMcClure {
         1.0 / (1.0 + ratio * ratio).powi(2)
     }
 }
-
-/// Part of its standard deviation by which an unknown may be off its optimum, root mean square.
-pub(crate) const STILL_SIGMAS: f64 = 0.01;
 
 impl GemanMcClure {
     /// When an optimisation of a graph with so many free poses ends; `is_last`: its pairs are not searched again.

@@ -9,8 +9,8 @@
 //!
 //! A turn about up has no part in it: heading and position are left to the pairs.
 
-use crate::robust::STILL_SIGMAS;
 use crate::solve::BlockSystem;
+use crate::statistics::STILL_SIGMAS;
 use nalgebra::{Matrix3, Matrix3x6, Vector3};
 use std::f64::consts::LN_2;
 use tessera_geometry::{Pose, hat};
