@@ -52,8 +52,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             poses: vec![Pose::identity(), target_from_query],
             is_fixed: vec![true, false],
             pairs: vec![Pair::new(1, 0, block)],
-            priors: Vec::new(),
             isa: settings.isa,
+            ..Graph::default()
         };
         graph.optimise(INNER_ITERATIONS, &mut || ())?;
         target_from_query = graph.poses[1];

@@ -13,6 +13,10 @@ pub struct UpDirection {
 }
 
 impl UpDirection {
+    /// Longest time over which forces are averaged for one direction, seconds: directions farther apart in time are of
+    /// different forces.
+    pub const LONGEST_S: f64 = 4.0;
+
     /// Of a vector that points up; `None` where it has no length, or a number is not finite.
     pub fn of(vector_in_camera: &Vector3<f64>, sigma_rad: f64) -> Option<Self> {
         let in_camera = (*vector_in_camera / vector_in_camera.norm()).into();

@@ -1,4 +1,4 @@
-//! The normal equations of a graph from its pairs and priors (method 5.3).
+//! The normal equations of a graph from its pairs, priors and measurements of up (method 5.3).
 
 use crate::graph::{Graph, MIN_SHARED_PAIRS};
 use crate::linearised::{Linearised, Terms};
@@ -26,6 +26,10 @@ impl Graph {
                 system.diagonal[s] += prior.information;
                 system.gradient[s] += prior.information * e;
             }
+        }
+        if !self.ups.measured.is_empty() {
+            cost += self.ups.cost(&self.poses);
+            self.ups.add_to(&self.poses, slot, system);
         }
         // Pairs between fixed poses are left out of the loop above but belong to the cost.
         cost + self

@@ -4,6 +4,7 @@ use crate::block::PairBlock;
 use crate::costs::Costs;
 use crate::linearised::Terms;
 use crate::solve::BlockSystem;
+use crate::up::Ups;
 use rayon::prelude::*;
 use tessera_geometry::{Matrix6, Pose, log};
 use tessera_numerics::Isa;
@@ -56,6 +57,8 @@ pub struct Graph {
     pub pairs: Vec<Pair>,
     /// Priors.
     pub priors: Vec<Prior>,
+    /// Up at some of the poses.
+    pub ups: Ups,
     /// Vector instructions of the factorisations.
     pub isa: Isa,
 }
@@ -108,7 +111,7 @@ pub(crate) struct Order {
 pub(crate) const MIN_SHARED_PAIRS: usize = 256;
 
 impl Graph {
-    /// The cost `sum e Omega e` of all pairs and priors.
+    /// The cost `sum e Omega e` of all pairs and priors, and that of up.
     pub fn cost(&self) -> f64 {
         self.cost_at(&self.poses, &mut Costs::default())
     }
@@ -130,7 +133,7 @@ impl Graph {
                 e.dot(&(p.information * e))
             })
             .sum();
-        pairs + priors
+        pairs + priors + self.ups.cost(poses)
     }
 
     /// At most `max_iterations` Levenberg-Marquardt steps on the frozen matches, damped as in
@@ -162,8 +165,10 @@ impl Graph {
         for (s, &i) in free.iter().enumerate() {
             slot[i] = s;
         }
-        let places = self.pairs.iter().filter_map(|p| {
-            let (a, b) = (slot[p.query], slot[p.target]);
+        let of_pairs = self.pairs.iter().map(|p| (p.query, p.target));
+        let joined = of_pairs.chain(self.ups.measured.iter().map(|up| (up.vertex, up.instrument)));
+        let places = joined.filter_map(|(a, b)| {
+            let (a, b) = (slot[a], slot[b]);
             (a != usize::MAX && b != usize::MAX).then_some((a, b))
         });
         let mut system = BlockSystem::new(free.len(), places, self.isa, solver.system.take());

@@ -92,7 +92,8 @@ impl Graph {
                 *last_lambda = Some(damping.lambda);
                 has_moved = true;
                 let is_exact = stop.is_rough && (gain - 1.0).abs() < TRUE_GAIN;
-                let least_decrease = stop.decrease.max(DECREASE_LIMIT * cost);
+                let of_pairs = || stop.decrease.max(DECREASE_LIMIT * cost);
+                let least_decrease = self.ups.least_decrease(6 * free.len()).unwrap_or_else(of_pairs);
                 report.is_converged = is_tiny || is_exact || decrease < least_decrease;
             } else {
                 // At the minimum rounding decides the sign of the gain: a tiny step is the end.

@@ -12,12 +12,14 @@ mod assemble;
 mod block;
 mod costs;
 mod graph;
+mod lean;
 mod levenberg;
 mod linearised;
 mod multi_edge;
 mod robust;
 mod solve;
 mod statistics;
+mod up;
 
 pub use block::{BlockSums, HalfSums, PairBlock, Quadratic};
 pub use graph::{Graph, InnerReport, Pair, Prior, Solver};
@@ -25,3 +27,4 @@ pub use multi_edge::{DataAssociation, INNER_ITERATIONS, MultiEdge, OuterIteratio
 pub use robust::{GemanMcClure, disagreement_sigmas, own_cost};
 pub use statistics::{covariance_from_information, entropy_of_covariance, metric_covariance};
 pub use tessera_numerics::NotPositiveDefinite;
+pub use up::{Up, Ups};

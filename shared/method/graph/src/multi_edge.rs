@@ -12,6 +12,7 @@
 
 use crate::graph::{Graph, Pair, Prior, Solver};
 use crate::robust::{self, GemanMcClure};
+use crate::up::Ups;
 use tessera_geometry::{Pose, translation_rotation_norms};
 use tessera_numerics::parallel::in_pool;
 use tessera_numerics::{Isa, NotPositiveDefinite};
@@ -93,6 +94,8 @@ pub struct MultiEdge {
     pub is_fixed: Vec<bool>,
     /// Priors on single poses.
     pub priors: Vec<Prior>,
+    /// Up at some of the poses.
+    pub ups: Ups,
     /// Limits and stop rules.
     pub schedule: Schedule,
     /// Graduated non-convexity over the pairs that close loops; `None`: all pairs count in full.
@@ -125,6 +128,7 @@ impl MultiEdge {
             poses: vec![Pose::identity(), *target_from_query],
             is_fixed: vec![true, false],
             priors: Vec::new(),
+            ups: Ups::default(),
             schedule,
             kernel: None,
             isa: Isa::default(),
@@ -133,8 +137,8 @@ impl MultiEdge {
 
     /// Associates and optimises along the schedule. The same bits for any number of threads.
     pub fn solve(self, association: &mut dyn DataAssociation, progress: &mut dyn FnMut()) -> Solved {
-        let Self { poses, is_fixed, priors, schedule, kernel, isa } = self;
-        let graph = Graph { poses, is_fixed, pairs: Vec::new(), priors, isa };
+        let Self { poses, is_fixed, priors, ups, schedule, kernel, isa } = self;
+        let graph = Graph { poses, is_fixed, pairs: Vec::new(), priors, ups, isa };
         let mut solved = Solved { graph, is_solved: true, ..Solved::default() };
         let last = schedule.tightness.len().saturating_sub(1);
         let (mut k, mut n_held) = (0, None);

@@ -10,6 +10,8 @@
 use crate::block::PairBlock;
 use crate::costs::Costs;
 use crate::graph::{Graph, InnerReport, Pair, Solver, Stop};
+use crate::lean::weigh_up;
+use crate::statistics::STILL_SIGMAS;
 use rayon::prelude::*;
 use tessera_geometry::Pose;
 use tessera_numerics::NotPositiveDefinite;
@@ -43,9 +45,6 @@ impl GemanMcClure {
         1.0 / (1.0 + ratio * ratio).powi(2)
     }
 }
-
-/// Part of its standard deviation by which an unknown may be off its optimum, root mean square.
-const STILL_SIGMAS: f64 = 0.01;
 
 impl GemanMcClure {
     /// When an optimisation of a graph with so many free poses ends; `is_last`: its pairs are not searched again.
@@ -115,7 +114,12 @@ pub(crate) fn optimise(
         residuals_sigmas(graph, &own_costs, graph.costs_at(&graph.poses, costs), kernel.metric_factor)
     };
     let mut found = residuals(graph, &mut solver.costs);
+    let is_last_pairs = !solver.stop.is_rough && !graph.ups.measured.is_empty();
     if !(limit > 0.0) || found.iter().all(|r| *r <= limit) {
+        if is_last_pairs {
+            weigh_up(graph, inner_iterations, solver, progress)?;
+            found = residuals(graph, &mut solver.costs);
+        }
         return Ok(RobustReport { residuals_sigmas: found, n_rounds: 0 });
     }
     graph.poses = start;
@@ -142,6 +146,9 @@ pub(crate) fn optimise(
     // A loop that the others have brought home comes back in; one that left goes.
     set_weights(graph, |place| f64::from(u8::from(found[place] <= limit)));
     graph.optimise_again(inner_iterations, solver, progress)?;
+    if is_last_pairs {
+        weigh_up(graph, inner_iterations, solver, progress)?;
+    }
     Ok(RobustReport { residuals_sigmas: residuals(graph, &mut solver.costs), n_rounds })
 }
 

@@ -3,6 +3,9 @@
 
 use tessera_geometry::Matrix6;
 
+/// Part of its standard deviation by which an unknown may be off its optimum, root mean square.
+pub(crate) const STILL_SIGMAS: f64 = 0.01;
+
 /// Inverse of an information matrix; `None` where a direction has no information.
 pub fn covariance_from_information(information: &Matrix6) -> Option<Matrix6> {
     information.cholesky().map(|factor| factor.inverse())

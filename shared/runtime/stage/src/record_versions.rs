@@ -12,6 +12,7 @@
 mod before_17;
 mod before_18;
 mod before_19;
+mod before_20;
 
 use tessera_journal::{RecordKind, decode};
 use tessera_slam::{AlignRecord, OptimiseRecord};
@@ -19,12 +20,13 @@ use tessera_slam::{AlignRecord, OptimiseRecord};
 /// The aligner's journal.
 pub const ALIGN_JOURNAL: RecordKind<AlignRecord> = RecordKind {
     name: "align",
-    version: 19,
+    version: 20,
     oldest: 16,
     earlier: |version, payload| match version {
         16 => before_17::align(payload),
         17 => before_18::align(payload),
-        _ => before_19::align(payload),
+        18 => before_19::align(payload),
+        _ => before_20::align(payload),
     },
 };
 /// The optimiser's journal.

@@ -23,6 +23,7 @@ fn keyframe(id: u32) -> KeyframeState {
         slot: StoreSlot::default(),
         edges: Vec::new(),
         covariance: Vec::new(),
+        up: None,
         place: Vec::new(),
         alike: Vec::new(),
         anchored_to: None,

@@ -75,6 +75,7 @@ mod tests {
             slot: StoreSlot::default(),
             edges: Vec::new(),
             covariance: Vec::new(),
+            up: None,
             place: Vec::new(),
             alike: Vec::new(),
             anchored_to: None,

@@ -10,7 +10,7 @@ use tessera_geometry::{InertialRotation, UpDirection};
 /// Standard gravity, metres per second squared; over the earth it differs by 0.03.
 const GRAVITY: f64 = 9.81;
 /// Lengths of time over which the mean is taken, seconds; the one of the least deviation counts.
-const WINDOWS_S: [f64; 3] = [1.0, 2.0, 4.0];
+const WINDOWS_S: [f64; 3] = [1.0, 2.0, UpDirection::LONGEST_S];
 /// Standard deviation of the change of velocity over such a time, metres per second: that of a hand or a slow robot.
 const VELOCITY_CHANGE_M_PER_S: f64 = 0.5;
 /// An acceleration that lasts is at most so many times the standard deviation of what varies: nothing moves without

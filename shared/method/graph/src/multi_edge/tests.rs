@@ -15,6 +15,7 @@ fn problem(schedule: Schedule) -> MultiEdge {
         poses: vec![pose(0.0), pose(1.1), pose(1.7)],
         is_fixed: vec![true, false, false],
         priors: Vec::new(),
+        ups: Ups::default(),
         schedule,
         kernel: None,
         isa: Isa::default(),

@@ -17,7 +17,7 @@ use crate::estimation::FORGETTING;
 use serde::{Deserialize, Serialize};
 
 /// Degrees of freedom of the prior: about what four frames with both kinds add.
-const PRIOR_FREEDOM: f64 = 20.0;
+pub(crate) const PRIOR_FREEDOM: f64 = 20.0;
 /// Scale of the surfaces before any were compared.
 const SURFACE_SCALE: f64 = 0.05;
 

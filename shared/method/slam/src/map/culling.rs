@@ -171,6 +171,7 @@ mod tests {
             slot: crate::StoreSlot::default(),
             edges: Vec::new(),
             covariance: Vec::new(),
+            up: None,
             place: vec![1],
             alike: Vec::new(),
             anchored_to: None,

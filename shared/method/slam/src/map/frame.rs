@@ -10,7 +10,7 @@ use crate::map::records::{
 };
 use crate::map::single;
 use serde::{Deserialize, Serialize};
-use tessera_geometry::{InertialRotation, PoseBits};
+use tessera_geometry::{InertialRotation, PoseBits, UpDirection};
 use tessera_surface::WorkloadLevel;
 
 /// Whether a frame's pose can be trusted.
@@ -133,6 +133,8 @@ pub struct EvidenceRecord {
     pub colour_pose: Option<ColourPoseRecord>,
     /// Evidence of the readout, where it makes a keyframe.
     pub readout: Option<ReadoutRecord>,
+    /// The direction against gravity, where an accelerometer measured it.
+    pub up: Option<UpDirection>,
     /// Matches with the keyframes of the window, so that the frame can be solved again.
     pub blocks: Vec<BlockRecord>,
 }

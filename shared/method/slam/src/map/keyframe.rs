@@ -2,7 +2,7 @@
 
 use crate::map::appearance::PlaceCode;
 use serde::{Deserialize, Serialize};
-use tessera_geometry::PoseBits;
+use tessera_geometry::{PoseBits, UpDirection};
 
 /// Where a keyframe's surface lies in the keyframe store.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -109,6 +109,8 @@ pub struct KeyframeState {
     pub edges: Vec<EdgeRecord>,
     /// Covariance of its pose when it was made, as in `PoseRecord::covariance`.
     pub covariance: Vec<f64>,
+    /// The direction against gravity, where an accelerometer measured it.
+    pub up: Option<UpDirection>,
     /// Appearance code of the place.
     pub place: PlaceCode,
     /// Keyframes that look like it, as journaled.
@@ -119,8 +121,8 @@ pub struct KeyframeState {
 }
 
 impl KeyframeState {
-    /// The keyframe of a record that a run made in a submap; `covariance`: of its pose.
-    pub(crate) fn made(record: &KeyframeRecord, session: u32, submap: u32, covariance: Vec<f64>) -> Self {
+    /// The keyframe of a record that a run made in a submap, of which no covariance and no direction of gravity is known.
+    pub(crate) fn made(record: &KeyframeRecord, session: u32, submap: u32) -> Self {
         Self {
             id: record.id,
             session,
@@ -131,7 +133,8 @@ impl KeyframeState {
             velocity: record.velocity,
             slot: record.slot,
             edges: record.edges.clone(),
-            covariance,
+            covariance: Vec::new(),
+            up: None,
             place: record.place.clone(),
             alike: record.alike.clone(),
             anchored_to: None,

@@ -115,6 +115,7 @@ mod tests {
             slot: crate::StoreSlot::default(),
             edges: Vec::new(),
             covariance: Vec::new(),
+            up: None,
             place: Vec::new(),
             alike: Vec::new(),
             anchored_to: None,

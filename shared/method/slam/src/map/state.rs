@@ -15,7 +15,7 @@ use crate::map::records::{
 };
 use crate::map::submaps::Submaps;
 use serde::{Deserialize, Serialize};
-use tessera_geometry::{Camera, InertialRotation, Pose, PoseBits, log};
+use tessera_geometry::{Camera, InertialRotation, Pose, PoseBits, UpDirection, log};
 
 /// Refused joins that are remembered: the state of a run of days stays small.
 const MOST_REFUSED: usize = 16;
@@ -42,6 +42,8 @@ pub struct RecentFrame {
     pub repeats_colour: bool,
     /// As in [`PoseRecord::rotation`](crate::PoseRecord::rotation).
     pub rotation: Option<InertialRotation>,
+    /// As in [`EvidenceRecord::up`](crate::EvidenceRecord::up).
+    pub up: Option<UpDirection>,
     /// As in [`EvidenceRecord::blocks`](crate::EvidenceRecord::blocks).
     pub blocks: Vec<BlockRecord>,
 }
@@ -164,7 +166,10 @@ impl TrackerState {
             let became = self.recent.iter().find(|r| r.index == keyframe.frame_index);
             self.newest_blocks.add(keyframe, became.map_or(&[], |r| &r.blocks));
             let covariance = became.map_or(Vec::new(), |r| r.covariance.clone());
-            self.keyframes.push(KeyframeState::made(keyframe, self.session, frame.submap, covariance));
+            // The first one of a submap is the frame itself.
+            let up = became.map_or(frame.evidence.up, |r| r.up);
+            let made = KeyframeState::made(keyframe, self.session, frame.submap);
+            self.keyframes.push(KeyframeState { covariance, up, ..made });
             self.active_ids.extend(&self.keyframes);
             keyframe.retires.iter().for_each(|retired| self.retire(retired));
             self.frames_since_keyframe = u32::from(keyframe.frame_index < frame.index);
@@ -234,6 +239,7 @@ impl TrackerState {
             covariance: frame.pose.covariance.clone(),
             repeats_colour: frame.evidence.repeats_colour,
             rotation: frame.pose.rotation,
+            up: frame.evidence.up,
             blocks: frame.evidence.blocks.clone(),
         });
     }

@@ -30,6 +30,7 @@ pub(crate) fn keyframe(id: u32, session: u32, x_m: f64) -> KeyframeState {
         slot: StoreSlot::default(),
         edges: Vec::new(),
         covariance: Vec::new(),
+        up: None,
         place: vec![1],
         alike: Vec::new(),
         anchored_to: None,

@@ -9,6 +9,7 @@ use crate::map::submaps::{Submaps, gauges};
 use crate::map::surfaces::KeyframeSurfaces;
 use crate::optimise::association::{KeyframeAssociation, Keyframes};
 use crate::optimise::culled::{self, CulledKeyframes, RunFrames};
+use crate::optimise::gravity::Gravity;
 use crate::optimise::held::held;
 use crate::optimise::kept_matches::KeptMatches;
 use crate::optimise::matchables::Matchables;
@@ -123,13 +124,17 @@ fn solve_joined(
     let origins = submaps.origins(keyframes);
     let mut culled = CulledKeyframes::of(context, start.keyframes, submaps, start.runs);
     let vertices = keyframes.iter().chain(culled.ids().iter().map(|id| &start.keyframes[*id as usize]));
-    let poses: Vec<Pose> = vertices.map(|k| Pose::from(&k.world_from_camera)).collect();
+    let vertices: Vec<&KeyframeState> = vertices.collect();
+    let gravity = Gravity::of(context, &vertices, submaps);
+    let poses = vertices.iter().map(|k| Pose::from(&k.world_from_camera));
+    let poses: Vec<Pose> = poses.chain(gravity.instruments).collect();
     let mut is_fixed = gauges(&origins);
     is_fixed.resize(poses.len(), false);
     let problem = MultiEdge {
         poses,
         is_fixed,
-        priors: Vec::new(),
+        priors: gravity.priors,
+        ups: gravity.ups,
         schedule: Schedule::shrinking(GlobalSettings::OUTER_ITERATIONS, INNER_ITERATIONS),
         kernel: Some(GemanMcClure {
             limit_sigmas: GlobalSettings::LOOP_RESIDUAL_SIGMAS,

@@ -12,7 +12,7 @@ use crate::tracking::sight::Sight;
 use crate::tracking::trees::Trees;
 use crate::tracking::window_association::WindowAssociation;
 use tessera_geometry::{Matrix6, Pose, Twist, Vector6};
-use tessera_graph::{BlockSums, HalfSums, INNER_ITERATIONS, MultiEdge, Prior, Schedule};
+use tessera_graph::{BlockSums, HalfSums, INNER_ITERATIONS, MultiEdge, Prior, Schedule, Ups};
 use tessera_numerics::Step;
 use tessera_registration::{
     MatchLimits, Matcher, PairReport, Queries, Sample, Selection, ShutterTable, Target,
@@ -206,6 +206,7 @@ fn window_problem(
         poses: fixed.chain([prediction.world_from_camera]).collect(),
         is_fixed: references.iter().map(|_| true).chain([false]).collect(),
         priors: prior.into_iter().collect(),
+        ups: Ups::default(),
         schedule: Schedule {
             converged_step: WindowSettings::CONVERGED_STEP,
             held_iterations: WindowSettings::REFINING_ITERATIONS,

@@ -50,7 +50,7 @@ pub(crate) fn frame_record(
             colour_pose: evidence.and_then(|evidence| evidence.colour),
             readout: a.readout.filter(|_| makes_keyframe),
             blocks: blocks(aligned),
-            ..EvidenceRecord::default()
+            ..record.evidence
         },
         change: MapChange { new_keyframe, ..MapChange::default() },
         ..record
@@ -113,6 +113,7 @@ fn record_at(input: &TrackingInput<'_>, world_from_camera: &Pose) -> FrameRecord
             rotation: frame.rotation,
             ..PoseRecord::default()
         },
+        evidence: EvidenceRecord { up: frame.up, ..EvidenceRecord::default() },
         ..FrameRecord::default()
     }
 }

@@ -120,7 +120,8 @@ fn relative_to(
     let state = input.map.state();
     let covariance = state.recent.last().map_or(Vec::new(), |r| r.covariance.clone());
     // As the state will hold it once the record is applied.
-    let candidate = KeyframeState::made(&keyframe, state.session, input.map.submap(), covariance);
+    let candidate = KeyframeState::made(&keyframe, state.session, input.map.submap());
+    let candidate = KeyframeState { covariance, ..candidate };
     let input = &TrackingInput { map: input.map.with_candidate(&candidate), ..*input };
     keyframe.edges = edges(input, &aligned);
     let record = frame_record(input, aligner, &aligned, Some(keyframe));

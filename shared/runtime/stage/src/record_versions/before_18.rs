@@ -1,25 +1,26 @@
 //! Records of version 17: a frame's evidence of noise had no variance factor of its features, and its audit of colour
 //! measured a disagreement.
 
+use super::before_20::Map19;
 use serde::{Deserialize, Serialize};
 use tessera_journal::decode;
 use tessera_slam::{
     AlignRecord, AppliedCorrection, BlockRecord, Cause, ColourPoseRecord, ColourRecord, EvidenceRecord,
-    FrameRecord, MapChange, MapRecord, NoiseRecord, PoseRecord, RequestRecord, SkippedFrames, State,
+    FrameRecord, MapChange, NoiseRecord, PoseRecord, RequestRecord, SkippedFrames, State,
 };
 use tessera_surface::WorkloadLevel;
 
-/// The aligner's record of versions 16 to 18, with the frames `F` of one of them.
+/// The aligner's record of versions 16 to 19, with the frames `F` of one of them.
 #[derive(Serialize, Deserialize)]
 pub(super) enum AlignOf<F> {
     Frame(Box<F>),
     Skipped(SkippedFrames),
     Correction(Box<AppliedCorrection>),
     End { n_frames: u64, request: Option<RequestRecord> },
-    Map(Box<MapRecord>),
+    Map(Box<Map19>),
 }
 
-/// A frame of versions 17 and 18, with the evidence `E` of one of them.
+/// A frame of versions 17 to 19, with the evidence `E` of one of them.
 #[derive(Serialize, Deserialize)]
 pub(super) struct FrameOf<E> {
     index: u64,
@@ -85,7 +86,7 @@ where
     fn from(evidence: EvidenceOf<C, N>) -> Self {
         let EvidenceOf { repeats_colour, colour, noise, colour_pose, blocks } = evidence;
         let (colour, noise) = (colour.map(ColourRecord::from), noise.map(NoiseRecord::from));
-        Self { repeats_colour, colour, noise, colour_pose, readout: None, blocks }
+        Self { repeats_colour, colour, noise, colour_pose, readout: None, up: None, blocks }
     }
 }
 
@@ -120,7 +121,7 @@ where
             AlignOf::Skipped(skipped) => Self::Skipped(skipped),
             AlignOf::Correction(correction) => Self::Correction(correction),
             AlignOf::End { n_frames, request } => Self::End { n_frames, request },
-            AlignOf::Map(map) => Self::Map(map),
+            AlignOf::Map(map) => Self::Map(Box::new((*map).into())),
         }
     }
 }

@@ -115,6 +115,7 @@ impl TrueViews {
                     slot: StoreSlot::default(),
                     edges: Vec::new(),
                     covariance: Vec::new(),
+                    up: None,
                     place,
                     alike: Vec::new(),
                     anchored_to: None,
