@@ -98,7 +98,6 @@ pub(super) fn print_figures(sequence: &str, seed: u64, truth: Option<&Trajectory
 
 /// Submaps with what began and joined them, where there is more than one.
 fn report_submaps(records: &Records) {
-    if std::env::var("WHY").is_ok() { for f in records.frames().filter(|f| !f.reason().is_empty()) { println!("WHY {} {:?} {}", f.index, f.state, f.reason()); } }
     let submaps = records.submaps();
     if submaps.n() < 2 {
         return;
