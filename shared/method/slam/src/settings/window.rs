@@ -35,10 +35,10 @@ impl Default for WindowSettings {
             size: 5,
             match_budget: 4000,
             at_rest_only: true,
-            min_match_share: std::env::var("MS").map_or(0.15, |v| v.parse().unwrap()),
-            max_residual_sigmas: std::env::var("MR").map_or(3.0, |v| v.parse().unwrap()),
-            min_matched: std::env::var("MM").map_or(0.3, |v| v.parse().unwrap()),
-            max_in_front: std::env::var("MIF").map_or(0.4, |v| v.parse().unwrap()),
+            min_match_share: 0.15,
+            max_residual_sigmas: 3.0,
+            min_matched: 0.3,
+            max_in_front: 0.4,
         }
     }
 }
