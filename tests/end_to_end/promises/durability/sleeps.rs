@@ -28,7 +28,7 @@ fn sleep(order: &[u32], supervisor: u32) {
     std::thread::sleep(ASLEEP);
     for pid in order {
         signal(*pid, "CONT");
-        std::thread::sleep(Duration::from_millis(50));
+        std::thread::sleep(Duration::from_millis(20));
     }
 }
 
