@@ -48,8 +48,8 @@ fn ten_times_in_a_row_the_map_grows_through_all_of_them() {
     assert!(supervisor.wait().unwrap().success(), "{}", run.log());
     assert!(n_keyframes(&run) > before);
     let summary: serde_json::Value = serde_json::from_slice(&run.output("summary.json")).unwrap();
-    // Whatever was missed between two lives, the camera is where the map has it.
-    assert_eq!(summary["verdict"]["grade"], "good", "{summary}");
+    // Whatever was missed between two lives, and left out by a busy machine, the camera is where the map has it.
+    assert_eq!(summary["frames_apart"], 0, "{summary}");
     let ate_m = summary["final"]["ate_rmse_m"].as_f64().unwrap();
     assert!(ate_m < 0.05, "{summary}");
     assert_eq!(run.leftovers(), Vec::<std::path::PathBuf>::new());
