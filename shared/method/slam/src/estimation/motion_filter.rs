@@ -37,7 +37,8 @@ const INERTIAL_FLOOR_RAD: f64 = 0.2_f64.to_radians();
 /// Velocity and its noise levels as of all frames so far. Arrays by axis: along x, y, z, and about them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MotionState {
-    is_known: bool,
+    /// Frames in a row from which the velocity is known, the older the less; 0: it is not.
+    n_frames: f64,
     velocity: [f64; 6],
     /// `P_pp`, `P_pv` and `P_vv`.
     variance: [[f64; 3]; 6],
@@ -55,6 +56,8 @@ pub(crate) struct MotionPrior {
     pub(crate) world_from_camera: Pose,
     /// Variance along and about each axis of the camera, m^2 and rad^2.
     pub(crate) variance: [f64; 6],
+    /// Frames in a row that were where it led, the older the less.
+    n_frames: f64,
 }
 
 impl MotionPrior {
@@ -79,11 +82,16 @@ impl MotionPrior {
         libm::log(volume) + half(0..3) + half(3..6)
     }
 
+    /// As [`Self::coincidence_nats`], and that the next frame is on the track: so many were (Laplace's rule of succession).
+    pub(crate) fn track_nats(&self, world_from_camera: &Pose, volume: f64) -> f64 {
+        libm::log1p(self.n_frames) + self.coincidence_nats(world_from_camera, volume)
+    }
+
     /// The same with the rotation of another pose, which a gyroscope measured.
     pub(crate) fn turned(self, world_from_camera: &Pose, sigma_rad: f64) -> Self {
         let mut variance = self.variance;
         variance[3..].fill(sigma_rad * sigma_rad + INERTIAL_FLOOR_RAD * INERTIAL_FLOOR_RAD);
-        Self { world_from_camera: *world_from_camera, variance }
+        Self { world_from_camera: *world_from_camera, variance, ..self }
     }
 }
 
@@ -92,9 +100,10 @@ impl MotionState {
     pub(crate) fn predict(&self, last_pose: &Pose, seconds: f64) -> Option<MotionPrior> {
         let ahead: [[f64; 3]; 6] = std::array::from_fn(|k| self.ahead(k, seconds));
         let velocity = Twist::from_vector(&Vector6::from(self.velocity));
-        self.is_known.then(|| MotionPrior {
+        self.is_known().then(|| MotionPrior {
             world_from_camera: last_pose * exp(&velocity.scaled(seconds)),
             variance: ahead.map(|[pp, ..]| pp),
+            n_frames: self.n_frames,
         })
     }
 
@@ -106,7 +115,7 @@ impl MotionState {
     /// Standard deviation of the velocity along and about each axis, m/s and rad/s.
     pub(crate) fn velocity_deviation(&self) -> [f64; 6] {
         let deviation = self.variance.map(|[.., vv]| vv.sqrt());
-        if self.is_known { deviation } else { std::array::from_fn(|k| START_VELOCITY[k / 3]) }
+        if self.is_known() { deviation } else { std::array::from_fn(|k| START_VELOCITY[k / 3]) }
     }
 
     /// Takes in a pose `step` further than the one before, found `seconds` later with these variances as the
@@ -114,12 +123,13 @@ impl MotionState {
     pub(crate) fn apply(&mut self, step: &Vector6, stated: Option<&[f64; 6]>, seconds: f64) {
         let velocity = step / seconds;
         let scale = self.scale();
+        let n_frames = (1.0 - FORGETTING) * self.n_frames + 1.0;
         match stated {
-            Some(stated) if self.is_known => {
+            Some(stated) if self.is_known() => {
                 let (innovation, gain) = self.update(&velocity, stated, seconds);
                 self.learn(innovation, &gain);
             }
-            None if self.is_known => {
+            None if self.is_known() => {
                 self.coast(seconds);
                 self.velocity = velocity.into();
             }
@@ -129,7 +139,6 @@ impl MotionState {
                     None => [0.0, 0.0, START_VELOCITY[k / 3].powi(2)],
                 };
                 *self = Self {
-                    is_known: true,
                     velocity: velocity.into(),
                     variance: std::array::from_fn(start),
                     innovation: [0.0; 6],
@@ -137,6 +146,7 @@ impl MotionState {
                 };
             }
         }
+        self.n_frames = n_frames;
     }
 
     /// A time without a measurement.
@@ -145,9 +155,13 @@ impl MotionState {
         self.innovation = [0.0; 6];
     }
 
+    fn is_known(&self) -> bool {
+        self.n_frames > 0.0
+    }
+
     /// Nothing leads to the next pose.
     pub(crate) fn forget(&mut self) {
-        self.is_known = false;
+        self.n_frames = 0.0;
     }
 
     /// The variances of an axis some time later.

@@ -37,7 +37,7 @@ pub(crate) fn tracking(w: &WindowSettings, a: &Alignment, motion: Option<&Motion
 fn is_where_it_moved(a: &Alignment, motion: Option<&MotionPrior>) -> bool {
     let Some(motion) = motion else { return false };
     let views_nats = PlaceEvidence::of_surfaces(&best_report(a), &a.information).llr_nats();
-    let motion_nats = motion.coincidence_nats(&a.world_from_camera, FAR_VOLUME);
+    let motion_nats = motion.track_nats(&a.world_from_camera, FAR_VOLUME);
     views_nats + motion_nats >= SequentialTest::accepted_nats()
 }
 

@@ -121,7 +121,7 @@ fn motion_nats(input: &TrackingInput<'_>, prediction: &Prediction, found: &Windo
     let is_dropped = state.is_pose_dropped || is_asked(input);
     let motion = prediction.motion.as_ref().filter(|_| is_led_to && !is_dropped);
     motion.map_or(0.0, |motion| {
-        motion.coincidence_nats(&found.alignment.world_from_camera, FAR_VOLUME).max(0.0)
+        motion.track_nats(&found.alignment.world_from_camera, FAR_VOLUME).max(0.0)
     })
 }
 
