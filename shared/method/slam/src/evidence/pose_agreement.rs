@@ -1,6 +1,7 @@
 //! Whether two estimates of a pose agree: the squared Mahalanobis distance under their relative covariance,
 //! against the chi-square of its dimension (Bar-Shalom, Li and Kirubarajan 2001, chapter 5).
 
+use crate::map::state::KeyframeState;
 use crate::settings::WindowSettings;
 use nalgebra::SymmetricEigen;
 use std::f64::consts::PI;
@@ -97,6 +98,19 @@ impl UncertainPose {
     pub(crate) fn agrees(&self, other: &Self) -> bool {
         self.squared_distance(other) <= CHI_SQUARE_6
     }
+}
+
+/// Whether a relative pose, `older_from_newer`, agrees with that of the keyframes, each with its covariance: the two
+/// add, for a track that is wrong states too little along itself, and what is right corrects it. Where either has none,
+/// it does.
+pub(crate) fn is_allowed(
+    (newer, older): (&KeyframeState, &KeyframeState),
+    older_from_newer: Pose,
+    covariance: Matrix6,
+) -> bool {
+    let [from, to] = [older, newer].map(|k| UncertainPose::read(&k.world_from_camera, &k.covariance));
+    let seen = UncertainPose { pose: older_from_newer, covariance };
+    from.zip(to).is_none_or(|(from, to)| UncertainPose::apart(&from, &to).agrees(&seen))
 }
 
 /// `d^T C^-1 d`; infinite where a number is not finite.

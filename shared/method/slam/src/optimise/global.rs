@@ -2,6 +2,7 @@
 //! free but the first of each component, and loops are weighed by graduated non-convexity.
 
 use crate::evidence::pose_agreement::FAR_M;
+use crate::evidence::sequential::TestVerdict;
 use crate::map::context::Context;
 use crate::map::records::{LoopRecord, LoopVerdict, MatchPose};
 use crate::map::state::KeyframeState;
@@ -88,17 +89,22 @@ fn solve_uncontradicted(start: &Start<'_>, submaps: &Submaps, progress: &mut dyn
         let poses = [&before[..], &solution.poses];
         let farthest_m = solution.recognised.iter().map(|(_, apart_m)| *apart_m).fold(0.0, f64::max);
         // From nowhere there is no half of the way.
-        let is_contradicted = farthest_m > FAR_M
-            && farthest_m.is_finite()
-            && brought_together::is_contradicted(start.context, keyframes, start.surfaces, poses);
-        if !is_contradicted {
+        let verdict = if farthest_m > FAR_M && farthest_m.is_finite() {
+            brought_together::verdict(start.context, keyframes, start.surfaces, poses)
+        } else {
+            TestVerdict::Accepted
+        };
+        if verdict == TestVerdict::Accepted {
             // The pairs that were refused are part of the answer: of the verdicts on a pair the last counts.
             solution.loops.extend(refused);
             solution.loops.sort_by_key(|l| (l.newer, l.older));
             return solution;
         }
         most_apart_m = 0.5 * farthest_m;
-        refused.extend(refused_pairs(&solution, most_apart_m));
+        // What is undecided is left out, and asked again with more keyframes.
+        if verdict == TestVerdict::Rejected {
+            refused.extend(refused_pairs(&solution, most_apart_m));
+        }
     }
 }
 

@@ -3,29 +3,21 @@
 //! A dozen features agree by chance as well, where texture repeats. Loops are weighed against each other; nothing
 //! weighs a pair that closes none.
 
-use crate::evidence::pose_agreement::UncertainPose;
+use crate::evidence::pose_agreement::is_allowed;
 use crate::map::state::KeyframeState;
 use crate::pairs::weighted_pair::FeaturePair;
 use tessera_graph::PairBlock;
 
-/// Whether the features' relative pose agrees with that of the keyframes, each with its covariance: the two add, for a
-/// track that is wrong states too little along itself, and features that are right correct it; `variance_scale`:
-/// of the features. Where either has none, it does.
+/// Whether the features' relative pose agrees with that of the keyframes; `variance_scale`: of the features.
 pub(crate) fn is_of_track(
-    (newer, older): (&KeyframeState, &KeyframeState),
+    keyframes: (&KeyframeState, &KeyframeState),
     found: &FeaturePair,
     variance_scale: f64,
 ) -> bool {
-    let [from, to] = [older, newer].map(|k| UncertainPose::read(&k.world_from_camera, &k.covariance));
     let pose = found.target_from_query;
     let information = PairBlock::new(&pose, &found.sums).linearise(&pose).0;
-    match (from, to, information.try_inverse()) {
-        (Some(from), Some(to), Some(inverse)) => {
-            let seen = UncertainPose { pose, covariance: inverse * variance_scale };
-            UncertainPose::apart(&from, &to).agrees(&seen)
-        }
-        _ => true,
-    }
+    let inverse = information.try_inverse();
+    inverse.is_none_or(|inverse| is_allowed(keyframes, pose, inverse * variance_scale))
 }
 
 #[cfg(test)]
