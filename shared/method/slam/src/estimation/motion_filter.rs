@@ -14,8 +14,8 @@
 //!
 //! An innovation `u` in units of `sqrt(S)` has a mean square of 1 where `s` is right, and is uncorrelated with the one
 //! before where `q` is (Mehra, IEEE Trans. Automatic Control 1970): a smaller `q` leaves a lag behind. Both are
-//! followed in logarithms, for translation and rotation apart. Of what the mean square is off by, the pose answers for
-//! its share `1 - K` of the variance: where frames are far apart nearly all of it is the motion's.
+//! followed in logarithms, for translation and rotation apart. What the mean square is off by is divided as `S` is: of
+//! it `K S` is the prediction's and `(1 - K) S` the pose's, so that where one of them is small it is left alone.
 
 use crate::estimation::FORGETTING;
 use crate::estimation::student::{FREEDOM, THREE_AXES};
@@ -200,7 +200,7 @@ impl MotionState {
             let correlation = axes.map(|k| innovation[k] * self.innovation[k]).sum::<f64>() / 3.0;
             let excess = THREE_AXES.consistency * weight * squared / 3.0 - 1.0;
             self.ln_scale[group] += FORGETTING * (1.0 - of_motion) * excess;
-            self.ln_density[group] += FORGETTING * correlation;
+            self.ln_density[group] += FORGETTING * (of_motion * excess + correlation);
         }
         self.innovation = innovation;
     }
@@ -273,6 +273,12 @@ mod tests {
             let state = filtered(acceleration, 0.005, 0.005, 0.8);
             let [translation, rotation] = state.scale();
             assert!((0.1..10.0).contains(&translation) && (0.1..10.0).contains(&rotation), "{state:?}");
+            for group in 0..2 {
+                let density =
+                    START_ACCELERATION[group].powi(2) * FRAME_S * libm::exp(state.ln_density[group]);
+                let found = (density / 0.8).sqrt();
+                assert!((0.5..2.0).contains(&(found / acceleration)), "{acceleration}: {found}");
+            }
         }
     }
 
