@@ -16,6 +16,7 @@ pub(crate) mod matchables;
 pub(crate) mod named_loops;
 pub(crate) mod of_track;
 pub(crate) mod optimiser;
+pub(crate) mod pending;
 pub(crate) mod refine;
 pub(crate) mod refine_camera;
 pub(crate) mod sample_cache;
