@@ -5,11 +5,14 @@ use crate::atomic_file::{Durability, write_atomically};
 use crate::codec;
 use crate::error::JournalError;
 use crate::follower::Follower;
-use crate::framing::{RECORD_HEADER_BYTES, file_header, first_link, seal};
+use crate::framing::{
+    Digest, FILE_HEADER_BYTES, RECORD_HEADER_BYTES, file_header, first_link, seal, sealed_header,
+};
 use crate::kind::RecordKind;
 use crate::raw::Chain;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use std::io;
 use std::path::Path;
 
 /// Replaces the checkpoint and answers its length in bytes. Nothing is forced to disk: a checkpoint
@@ -22,10 +25,17 @@ pub fn write_checkpoint<T: Serialize>(
     kind: RecordKind<T>,
     state: &T,
 ) -> Result<u64, JournalError> {
-    let bytes = sealed_record(path, kind, state)?;
-    write_atomically(path, Durability::Scratch, |writer| writer.write_all(&bytes))
-        .map_err(JournalError::io("write", path))?;
-    Ok(bytes.len() as u64)
+    // Written as it is encoded, twice: the state of a run of days has megabytes, which are not held again as bytes.
+    let mut payload = Digest::default();
+    codec::encode(state, &mut payload, path)?;
+    let header = sealed_header(kind.version, first_link(kind.name), &payload);
+    write_atomically(path, Durability::Scratch, |writer| {
+        writer.write_all(&file_header(kind.name))?;
+        writer.write_all(&header)?;
+        codec::encode(state, writer, path).map_err(io::Error::other)
+    })
+    .map_err(JournalError::io("write", path))?;
+    Ok(payload.len.saturating_add((FILE_HEADER_BYTES + RECORD_HEADER_BYTES) as u64))
 }
 
 /// The bytes of a file with one record; errors name it as `path`.
@@ -97,7 +107,9 @@ mod tests {
         for n in [3, 4] {
             let state = (n, "x".repeat(500));
             let len = write_checkpoint(&path, TEST, &state).unwrap();
-            assert_eq!(std::fs::metadata(&path).unwrap().len(), len);
+            let bytes = std::fs::read(&path).unwrap();
+            assert_eq!(bytes.len() as u64, len);
+            assert_eq!(bytes, sealed_record(&path, TEST, &state).unwrap());
             assert_eq!(read().unwrap(), Some(state));
         }
         assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1, "nothing else is left");

@@ -19,8 +19,12 @@ fn config() -> bincode::config::Configuration<
 }
 
 /// Appends the bytes of `record` to `out`.
-pub(crate) fn encode<T: Serialize>(record: &T, out: &mut Vec<u8>, path: &Path) -> Result<(), JournalError> {
-    bincode::serde::encode_into_std_write(record, out, config())
+pub(crate) fn encode<T: Serialize>(
+    record: &T,
+    mut out: impl std::io::Write,
+    path: &Path,
+) -> Result<(), JournalError> {
+    bincode::serde::encode_into_std_write(record, &mut out, config())
         .map(drop)
         .map_err(|error| JournalError::Encode { path: path.into(), reason: error.to_string() })
 }

@@ -6,6 +6,7 @@
 
 use crate::codec::MAX_RECORD_BYTES;
 use crate::error::JournalError;
+use std::io;
 use std::path::Path;
 
 const MAGIC: &[u8; 8] = b"TESSERAJ";
@@ -82,30 +83,60 @@ fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
     bytes.get(at..)?.first_chunk().copied().map(u32::from_le_bytes)
 }
 
-/// The checksum of a record that follows one whose checksum is `link`.
-#[expect(clippy::cast_possible_truncation, reason = "a record has at most MAX_RECORD_BYTES")]
-pub(crate) fn chained_crc(link: u32, version: u32, payload: &[u8]) -> u32 {
-    let mut hasher = crc32fast::Hasher::new();
-    hasher.update(&link.to_le_bytes());
-    hasher.update(&(payload.len() as u32).to_le_bytes());
-    hasher.update(&version.to_le_bytes());
-    hasher.update(payload);
-    hasher.finalize()
+/// Length and checksum of a payload that goes by.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Digest {
+    pub(crate) len: u64,
+    crc: crc32fast::Hasher,
 }
 
-/// Fills in the header at the front of `record`, whose payload stands behind it.
-#[expect(
-    clippy::indexing_slicing,
-    clippy::cast_possible_truncation,
-    reason = "constant places of a record of ours, which has at most MAX_RECORD_BYTES"
-)]
+impl io::Write for Digest {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.len = self.len.saturating_add(bytes.len() as u64);
+        self.crc.update(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Digest {
+    fn of(payload: &[u8]) -> Self {
+        let mut crc = crc32fast::Hasher::new();
+        crc.update(payload);
+        Self { len: payload.len() as u64, crc }
+    }
+
+    /// The checksum of a record with this payload that follows one whose checksum is `link`.
+    #[expect(clippy::cast_possible_truncation, reason = "a record has at most MAX_RECORD_BYTES")]
+    fn chained_crc(&self, link: u32, version: u32) -> u32 {
+        let mut hasher = crc32fast::Hasher::new();
+        hasher.update(&link.to_le_bytes());
+        hasher.update(&(self.len as u32).to_le_bytes());
+        hasher.update(&version.to_le_bytes());
+        hasher.combine(&self.crc);
+        hasher.finalize()
+    }
+}
+
+/// The header of a record with this payload that follows one whose checksum is `link`.
+#[expect(clippy::cast_possible_truncation, reason = "a record has at most MAX_RECORD_BYTES")]
+pub(crate) fn sealed_header(version: u32, link: u32, payload: &Digest) -> [u8; RECORD_HEADER_BYTES] {
+    let mut header = [0; RECORD_HEADER_BYTES];
+    header[..4].copy_from_slice(&(payload.len as u32).to_le_bytes());
+    header[4..8].copy_from_slice(&version.to_le_bytes());
+    header[8..].copy_from_slice(&payload.chained_crc(link, version).to_le_bytes());
+    header
+}
+
+/// Fills in the header at the front of `record`, whose payload stands behind it; answers its checksum.
 pub(crate) fn seal(record: &mut [u8], version: u32, link: u32) -> u32 {
     let (header, payload) = record.split_at_mut(RECORD_HEADER_BYTES);
-    let crc = chained_crc(link, version, payload);
-    header[..4].copy_from_slice(&(payload.len() as u32).to_le_bytes());
-    header[4..8].copy_from_slice(&version.to_le_bytes());
-    header[8..12].copy_from_slice(&crc.to_le_bytes());
-    crc
+    let payload = Digest::of(payload);
+    header.copy_from_slice(&sealed_header(version, link, &payload));
+    payload.chained_crc(link, version)
 }
 
 /// The header of a record.
@@ -122,7 +153,7 @@ pub(crate) struct RecordHead {
 impl RecordHead {
     /// Whether a payload belongs to it, behind a record whose checksum is `link`.
     pub(crate) fn is_of(&self, link: u32, payload: &[u8]) -> bool {
-        chained_crc(link, self.version, payload) == self.crc
+        Digest::of(payload).chained_crc(link, self.version) == self.crc
     }
 }
 

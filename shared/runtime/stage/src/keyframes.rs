@@ -49,11 +49,12 @@ pub struct StoredKeyframes {
     now: u64,
 }
 
+/// Small: most of those that a long run makes are culled, and never held again.
 #[derive(Debug)]
 struct StoredKeyframe {
     slot: StoreSlot,
     /// `None`: it is damaged.
-    surface: OnceLock<Option<UnpackedSurface>>,
+    surface: OnceLock<Option<Box<UnpackedSurface>>>,
     last_use: AtomicU64,
 }
 
@@ -151,7 +152,7 @@ impl StoredKeyframes {
             if newest.surface.get().is_none() {
                 *self.n_held.get_mut() = self.n_held.get_mut().saturating_add(1);
             }
-            newest.surface = OnceLock::from(Some(UnpackedSurface { vertices, features }));
+            newest.surface = OnceLock::from(Some(Box::new(UnpackedSurface { vertices, features })));
         }
         Ok(())
     }
@@ -243,9 +244,9 @@ impl StoredKeyframes {
         keyframe.last_use.store(self.now, Ordering::Relaxed);
         let hold = || {
             self.n_held.fetch_add(1, Ordering::Relaxed);
-            self.read_known(id, keyframe)
+            self.read_known(id, keyframe).map(Box::new)
         };
-        keyframe.surface.get_or_init(hold).as_ref()
+        keyframe.surface.get_or_init(hold).as_deref()
     }
 
     /// Reads the surface of a keyframe; `None`: it is damaged.

@@ -12,6 +12,7 @@ use crate::map::records::{JoinRecord, SplitRecord};
 use crate::map::split;
 use crate::map::submaps::Submaps;
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use tessera_geometry::{Pose, PoseBits, Twist, compose_normalised};
 
 /// Pose, submap and anchor of a keyframe.
@@ -107,34 +108,36 @@ pub(crate) fn corrected<K: HasPlacement>(
     keyframes: &[K],
     named: &[KeyframePose],
 ) -> Option<(Vec<PoseBits>, Motions)> {
-    let last = named.iter().map(|k| k.id).max()? as usize;
-    let mut solved: Vec<Option<PoseBits>> = vec![None; keyframes.len()];
-    for KeyframePose { id, world_from_camera } in named {
-        *solved.get_mut(*id as usize)? = Some(*world_from_camera);
-    }
-    let motion_of = |id: usize| -> Option<RigidMotion> {
-        let new = (*solved.get(id)?)?;
-        Some(RigidMotion::between(&keyframes[id].placement().world_from_camera, &new))
+    // Few are named of all that a run of days has made.
+    let solved: BTreeMap<u32, &PoseBits> = named.iter().map(|k| (k.id, &k.world_from_camera)).collect();
+    let last = *solved.last_key_value()?.0;
+    let until_last = keyframes.get(..=last as usize)?;
+    let motion_of = |id: u32| -> Option<RigidMotion> {
+        Some(RigidMotion::between(
+            &keyframes.get(id as usize)?.placement().world_from_camera,
+            solved.get(&id)?,
+        ))
+    };
+    let moved = |id: u32, Placement { world_from_camera, anchored_to, .. }: Placement| match solved.get(&id) {
+        Some(solved) => Some(**solved),
+        None => anchored_to.and_then(motion_of).map(|motion| motion.of(&world_from_camera)),
     };
     let mut motions = Motions::new();
-    let mut poses = solved.clone();
-    for (id, keyframe) in keyframes.iter().enumerate().rev() {
-        let Placement { submap, world_from_camera, anchored_to } = keyframe.placement();
-        if poses[id].is_none() {
-            let motion = anchored_to.and_then(|anchor| motion_of(anchor as usize));
-            poses[id] = motion.map(|motion| motion.of(&world_from_camera));
-        }
-        if let (Some(new), true) = (&poses[id], id <= last) {
-            motions.entry(submap).or_insert_with(|| RigidMotion::between(&world_from_camera, new));
+    for (id, keyframe) in (0..=last).rev().zip(until_last.iter().rev()) {
+        let placement = keyframe.placement();
+        if let Entry::Vacant(motion) = motions.entry(placement.submap)
+            && let Some(new) = moved(id, placement)
+        {
+            motion.insert(RigidMotion::between(&placement.world_from_camera, &new));
         }
     }
-    let rest = |keyframe: &K| {
-        let Placement { submap, world_from_camera, anchored_to } = keyframe.placement();
+    let rest = |Placement { submap, world_from_camera, anchored_to }: Placement| {
         let anchor = anchored_to.and_then(|anchor| keyframes.get(anchor as usize));
         let motion = motions.get(&anchor.map_or(submap, |anchor| anchor.placement().submap));
         motion.map_or(world_from_camera, |motion| motion.of(&world_from_camera))
     };
-    let poses = poses.iter().zip(keyframes).map(|(pose, keyframe)| pose.unwrap_or_else(|| rest(keyframe)));
+    let placements = (0..).zip(keyframes.iter().map(HasPlacement::placement));
+    let poses = placements.map(|(id, placement)| moved(id, placement).unwrap_or_else(|| rest(placement)));
     let poses = poses.collect();
     Some((poses, motions))
 }

@@ -13,7 +13,8 @@ use crate::merging::joint_cache::JointCache;
 use crate::merging::meeting::{Meeting, join_all};
 use crate::optimise::answer::origins;
 use crate::optimise::culled::RunFrames;
-use crate::optimise::optimiser::{Optimiser, Pending, SolvedKeyframes};
+use crate::optimise::optimiser::Optimiser;
+use crate::optimise::pending::Pending;
 use crate::optimise::refine::{FrameHistory, Refiner};
 use std::ops::Range;
 use tessera_geometry::{Pose, PoseBits, Twist, compose_normalised};
@@ -59,9 +60,9 @@ impl JointMap {
     /// for, in its own numbers and gauge. `None` where the request is not pending.
     pub fn of_request(context: Context, optimiser: &Optimiser, request: &RequestRecord) -> Option<Self> {
         let Pending { keyframes, submaps, colour, .. } = optimiser.find(request)?;
-        let (keyframes, submaps) = (keyframes.clone(), submaps.clone());
+        let (keyframes, submaps) = (keyframes.to_vec(), submaps.clone());
         let mut map = Self::new(context);
-        map.add(&TrackerState { keyframes, submaps, colour: *colour, ..TrackerState::default() });
+        map.add(&TrackerState { keyframes, submaps, colour, ..TrackerState::default() });
         Some(map)
     }
 
@@ -236,21 +237,22 @@ impl JointMap {
         let own = optimiser.find(request)?;
         let joint = (self.n_sharing() > 0).then(|| Pending {
             request: *request,
-            keyframes: self.state.keyframes.clone(),
-            submaps: self.state.submaps.clone(),
+            keyframes: &self.state.keyframes,
+            submaps: &self.state.submaps,
             colour: own.colour,
             noise: own.noise,
-            cameras: self.context.cameras.clone(),
+            cameras: &self.context.cameras,
         });
-        let frames = optimiser.own_frames(own, history);
-        let solved = optimiser.solve_keyframes(joint.as_ref().unwrap_or(own), surfaces, &frames, progress);
+        let frames = optimiser.own_frames(&own, history);
+        let asked = joint.unwrap_or(own);
+        let solved = optimiser.solve_keyframes(&asked, surfaces, &frames, progress);
         let submaps = solved.solution.submaps.first(own.submaps.n());
-        let poses = in_own_gauge(&own.keyframes, &submaps, &solved);
+        let poses = in_own_gauge(own.keyframes, &submaps, solved.poses(&asked));
         let mut loops = solved.solution.loops;
         loops.retain(|l| (l.newer.max(l.older) as usize) < own.keyframes.len());
         let mut searched = solved.solution.searched;
         searched.retain(|((newer, older), _)| (*newer.max(older) as usize) < own.keyframes.len());
-        let origins = origins(&own.keyframes, &submaps);
+        let origins = origins(own.keyframes, &submaps);
         let pose = |id: u32| match &own.keyframes[id as usize] {
             origin if origins.contains(&(id as usize)) => origin.world_from_camera,
             _ => PoseBits::from(&poses[id as usize]),
@@ -259,7 +261,7 @@ impl JointMap {
         let keyframes = own_ids.map(|id| KeyframePose { id, world_from_camera: pose(id) }).collect();
         let correction = Correction {
             request: request.request,
-            input_hash: input_hash(&own.keyframes),
+            input_hash: input_hash(own.keyframes),
             keyframes,
             frames: Vec::new(),
             loops: optimiser.to_name(request, loops),
@@ -298,8 +300,8 @@ impl JointMap {
 
 /// Poses of a run's keyframes, moved so that the origin of each component is where the run has it: a join
 /// that was refuted leaves a component in the gauge of another one.
-fn in_own_gauge(keyframes: &[KeyframeState], submaps: &Submaps, solved: &SolvedKeyframes) -> Vec<Pose> {
-    let mut poses = solved.poses[..keyframes.len()].to_vec();
+fn in_own_gauge(keyframes: &[KeyframeState], submaps: &Submaps, mut poses: Vec<Pose>) -> Vec<Pose> {
+    poses.truncate(keyframes.len());
     for origin in origins(keyframes, submaps) {
         let old = &keyframes[origin].world_from_camera;
         if PoseBits::from(&poses[origin]) == *old {

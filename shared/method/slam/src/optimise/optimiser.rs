@@ -1,8 +1,5 @@
 //! The optimiser's pure step: all keyframes in, a correction out.
 
-use crate::estimation::colour_model::ColourState;
-use crate::estimation::noise_scales::NoiseState;
-use crate::map::cameras::SessionCameras;
 use crate::map::context::Context;
 use crate::map::input_hash::input_hash;
 use crate::map::placement::corrected;
@@ -18,6 +15,7 @@ use crate::optimise::culled::RunFrames;
 use crate::optimise::global::{self, Solution, Start};
 use crate::optimise::kept_matches::KeptMatches;
 use crate::optimise::named_loops::NamedLoops;
+use crate::optimise::pending::{Pending, Waiting};
 use crate::optimise::refine::{FrameHistory, Refiner};
 use crate::optimise::refine_camera::refine_camera;
 use crate::optimise::sample_cache::Drawn;
@@ -37,8 +35,8 @@ use tessera_numerics::Step;
 pub struct Optimiser {
     context: Context,
     state: TrackerState,
-    /// Requests with what they ask for.
-    pending: VecDeque<Pending>,
+    /// Requests without an answer.
+    pending: VecDeque<Waiting>,
     n_answered: u64,
     /// Loop pairs of the working map that the corrections so far named.
     named: NamedLoops,
@@ -48,34 +46,19 @@ pub struct Optimiser {
     matches: MatchCache,
 }
 
-/// A request with the map as it was at its record.
-pub(crate) struct Pending {
-    pub(crate) request: RequestRecord,
-    pub(crate) keyframes: Vec<KeyframeState>,
-    pub(crate) submaps: Submaps,
-    pub(crate) colour: ColourState,
-    pub(crate) noise: NoiseState,
-    /// Of keyframes of several runs.
-    pub(crate) cameras: SessionCameras,
-}
-
-impl Pending {
-    fn of(context: &Context, state: &TrackerState, request: RequestRecord) -> Self {
-        let n = (request.n_keyframes as usize).min(state.keyframes.len());
-        let (keyframes, submaps) = (state.keyframes[..n].to_vec(), state.submaps.clone());
-        let (colour, noise, cameras) = (state.colour, state.noise, context.cameras.clone());
-        Self { request, keyframes, submaps, colour, noise, cameras }
-    }
-}
-
 /// The keyframes of a request, solved for.
 pub(crate) struct SolvedKeyframes {
     active: Vec<KeyframeState>,
     pub(crate) solution: Solution,
     /// The keyframes that were solved for, by id.
     pub(crate) solved: Vec<KeyframePose>,
-    /// Poses of all keyframes, by id.
-    pub(crate) poses: Vec<Pose>,
+}
+
+impl SolvedKeyframes {
+    /// Poses of all keyframes of the request, by id.
+    pub(crate) fn poses(&self, pending: &Pending<'_>) -> Vec<Pose> {
+        all_poses(pending.keyframes, &self.solved)
+    }
 }
 
 /// An optimiser between two requests.
@@ -105,8 +88,9 @@ impl Optimiser {
 
     /// An optimiser that was asked for all keyframes of a state that no journal led to.
     pub(crate) fn asked(context: Context, state: &TrackerState, request: RequestRecord) -> Self {
-        let pending = Pending::of(&context, state, request);
-        Self { pending: VecDeque::from([pending]), ..Self::new(context) }
+        let mut waiting = Waiting::new(request);
+        waiting.keep(state);
+        Self { pending: VecDeque::from([waiting]), ..Self::new(context) }
     }
 
     /// The same with what is known of its keyframes from an earlier optimisation.
@@ -121,6 +105,7 @@ impl Optimiser {
 
     /// Takes a record of the aligner's journal into the state.
     pub fn apply(&mut self, record: &AlignRecord) {
+        self.pending.iter_mut().for_each(|waiting| waiting.keep(&self.state));
         self.state.apply(record);
         let request = match record {
             AlignRecord::Frame(frame) => frame.change.request,
@@ -130,7 +115,7 @@ impl Optimiser {
         if let Some(request) = request
             && request.request >= self.n_answered
         {
-            self.pending.push_back(Pending::of(&self.context, &self.state, request));
+            self.pending.push_back(Waiting::new(request));
         }
     }
 
@@ -200,14 +185,14 @@ impl Optimiser {
     ) -> Option<OptimiseRecord> {
         self.context.steps.enter(Step::Prepare);
         let pending = self.find(request)?;
-        let own = self.own_frames(pending, history);
+        let own = self.own_frames(&pending, history);
         self.solve_with(request, surfaces, (history, own.as_slice()), progress)
     }
 
     /// The frames of this run, where its culled keyframes are solved for.
     pub(crate) fn own_frames<'a>(
         &self,
-        pending: &Pending,
+        pending: &Pending<'_>,
         history: &'a dyn FrameHistory,
     ) -> Vec<RunFrames<'a>> {
         let (keyframes, session) = (0..pending.keyframes.len(), self.state.session);
@@ -223,12 +208,12 @@ impl Optimiser {
         progress: &mut dyn FnMut(),
     ) -> Option<OptimiseRecord> {
         let pending = self.find(request)?;
-        let keyframes = &pending.keyframes;
-        let solved = self.solve_keyframes(pending, surfaces, runs, progress);
-        let (solution, poses) = (&solved.solution, &solved.poses);
+        let keyframes = pending.keyframes;
+        let solved = self.solve_keyframes(&pending, surfaces, runs, progress);
+        let solution = &solved.solution;
         self.context.steps.enter(Step::Refine);
-        let frames =
-            if request.is_final { self.refine(poses, &solution.submaps, history) } else { Vec::new() };
+        let refined = || self.refine(&solved.poses(&pending), &solution.submaps, history);
+        let frames = if request.is_final { refined() } else { Vec::new() };
         let refinement = (request.is_final && self.context.mapping.global.refine_camera)
             .then(|| self.refine_camera(keyframes, &solved.active, (surfaces, history), solution, progress));
         self.context.steps.leave();
@@ -251,13 +236,13 @@ impl Optimiser {
     /// behind them.
     pub(crate) fn solve_keyframes(
         &self,
-        pending: &Pending,
+        pending: &Pending<'_>,
         surfaces: &dyn KeyframeSurfaces,
         runs: &[RunFrames<'_>],
         progress: &mut dyn FnMut(),
     ) -> SolvedKeyframes {
-        let Pending { keyframes, submaps, colour, noise, cameras, .. } = pending;
-        let context = self.context.with_colour(colour, noise).with_cameras(cameras.clone());
+        let Pending { keyframes, submaps, colour, noise, cameras, .. } = *pending;
+        let context = self.context.with_colour(&colour, &noise).with_cameras(cameras.clone());
         let active: Vec<KeyframeState> = keyframes.iter().filter(|k| k.is_active()).cloned().collect();
         let ids: Vec<u32> = active.iter().map(|k| k.id).collect();
         self.cache.begin(context.colour, &ids);
@@ -278,8 +263,7 @@ impl Optimiser {
         };
         let solution = global::solve(&start, submaps, progress);
         let solved = named(&active, &solution.poses, &solution.culled);
-        let poses = all_poses(keyframes, &solved);
-        SolvedKeyframes { active, solution, solved, poses }
+        SolvedKeyframes { active, solution, solved }
     }
 
     /// The loop pairs, by ids that rise, that a correction names: those that have another verdict than was named
@@ -306,9 +290,9 @@ impl Optimiser {
     ) -> Result<OptimiseRecord, String> {
         let pending =
             self.find(request).ok_or_else(|| format!("request {} is not pending", request.request))?;
-        answer::check(request, (&pending.keyframes, &pending.submaps), &answer)?;
+        answer::check(request, (pending.keyframes, pending.submaps), &answer)?;
         answer::check_pairs(pending.keyframes.len(), &changes)?;
-        let poses = all_poses(&pending.keyframes, &answer.keyframes);
+        let poses = all_poses(pending.keyframes, &answer.keyframes);
         let refined = || self.refine(&poses, &answer.submaps, history);
         let frames = if request.is_final { refined() } else { Vec::new() };
         Ok(OptimiseRecord::IncrementalFromBase(Box::new(Correction { frames, ..answer }), changes))
@@ -327,8 +311,9 @@ impl Optimiser {
     }
 
     /// A request without an answer, with the map as it was at its record.
-    pub(crate) fn find(&self, request: &RequestRecord) -> Option<&Pending> {
-        self.pending.iter().find(|pending| pending.request.request == request.request)
+    pub(crate) fn find(&self, request: &RequestRecord) -> Option<Pending<'_>> {
+        let waiting = self.pending.iter().find(|pending| pending.request.request == request.request)?;
+        Some(waiting.asks(&self.context, &self.state))
     }
 
     fn refine_camera(
