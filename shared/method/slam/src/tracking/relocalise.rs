@@ -120,9 +120,7 @@ fn motion_nats(input: &TrackingInput<'_>, prediction: &Prediction, found: &Windo
     let is_led_to = component(found.submap) == component(input.map.submap());
     let is_dropped = state.is_pose_dropped || is_asked(input);
     let motion = prediction.motion.as_ref().filter(|_| is_led_to && !is_dropped);
-    motion.map_or(0.0, |motion| {
-        motion.track_nats(&found.alignment.world_from_camera, FAR_VOLUME).max(0.0)
-    })
+    motion.map_or(0.0, |motion| motion.track_nats(&found.alignment.world_from_camera, FAR_VOLUME).max(0.0))
 }
 
 /// The place of a frame among these keyframes, wherever they are. `turn` goes through all of them.
