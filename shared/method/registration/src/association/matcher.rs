@@ -38,11 +38,6 @@ impl PairReport {
         share(self.n_in_view, self.n_queries)
     }
 
-    /// Share of those in view that have a match.
-    pub fn matched(&self) -> f64 {
-        share(self.n_matches, self.n_in_view)
-    }
-
     /// Share of those within the target's surface that have a match.
     pub fn matched_within(&self) -> f64 {
         share(self.n_matches, self.n_within)

@@ -43,9 +43,9 @@ pub struct PlaceEvidence {
     pub missing: f64,
     /// Share of the query's points that project into the target at a depth measured there.
     pub overlap: f64,
-    /// Share of these that have a match.
+    /// Share with a match of what falls within the target's surface.
     pub matched: f64,
-    /// Share of these that float in front of what the target saw, beyond the noise of both.
+    /// Share of those in view that float in front of what the target saw, beyond the noise of both.
     pub in_front: f64,
     /// Median normal residual, standard deviations.
     pub residual_sigmas: f64,
@@ -65,7 +65,7 @@ impl PlaceEvidence {
             agreeing: 0.0,
             missing: 0.0,
             overlap: report.in_view(),
-            matched: report.matched(),
+            matched: report.matched_within(),
             in_front: report.in_front(),
             residual_sigmas: f64::from(report.median_residual_sigmas),
             shape: if trace > 0.0 { least.max(0.0) / trace } else { 0.0 },

@@ -17,9 +17,6 @@ use crate::map::submaps::Submaps;
 use serde::{Deserialize, Serialize};
 use tessera_geometry::{Camera, InertialRotation, Pose, PoseBits, UpDirection, log};
 
-/// Refused joins that are remembered: the state of a run of days stays small.
-const MOST_REFUSED: usize = 16;
-
 /// Longest time between two frames that are one run of the camera, seconds: beyond it the velocity is not used.
 pub(crate) const MOST_COASTED_S: f64 = 1.0;
 
@@ -71,12 +68,10 @@ pub struct TrackerState {
     pub submaps: Submaps,
     /// A place of another submap that the camera is thought to see.
     pub sighting: Option<SightingRecord>,
-    /// Joins that were refused, and the number of keyframes then; the newest last.
+    /// Joins that were refused or refuted, and the number of keyframes from which on each may be tried again.
     pub refused: Vec<(JoinRecord, u32)>,
     /// As in [`MapChange::contradiction`](crate::MapChange::contradiction).
     pub contradiction: Option<ContradictionRecord>,
-    /// Corrections that refuted a join.
-    pub n_refuted: u32,
     /// The last two frames, newest last.
     pub recent: Vec<RecentFrame>,
     /// Motion by all corrections so far; identity before the first.
@@ -267,11 +262,15 @@ impl TrackerState {
         }
     }
 
+    /// The join is not tried again before as many keyframes were made as both components have in the working map:
+    /// with fewer, most that tells for or against it was asked already.
     fn refuse(&mut self, join: JoinRecord) {
-        if self.refused.len() == MOST_REFUSED {
-            self.refused.remove(0);
-        }
-        self.refused.push((join, self.keyframes.len() as u32));
+        let n = self.keyframes.len() as u32;
+        self.refused.retain(|(_, from)| *from > n);
+        let is_of_both =
+            |k: &&KeyframeState| [join.kept, join.moved].contains(&self.submaps.component(k.submap));
+        let n_asked = self.active().filter(is_of_both).count() as u32;
+        self.refused.push((join, n.saturating_add(n_asked)));
     }
 
     /// Two components become one; where the camera's is the one that moves, `world_from_odom` goes
@@ -334,8 +333,12 @@ impl TrackerState {
         if let Some(motion) = motions.get(&self.submap) {
             self.move_camera(motion);
         }
-        let n_before = self.submaps.n_components();
+        let before = self.submaps.clone();
         self.submaps.judge(&applied.correction.submaps);
-        self.n_refuted += u32::from(self.submaps.n_components() > n_before);
+        // What comes apart has the gauge in which it was joined.
+        for moved in self.submaps.apart_since(&before) {
+            let (kept, kept_from_moved) = (before.component(moved), PoseBits::IDENTITY);
+            self.refuse(JoinRecord { kept, moved, kept_from_moved });
+        }
     }
 }

@@ -73,6 +73,13 @@ impl Submaps {
         }
     }
 
+    /// Components that were part of another one before.
+    pub(crate) fn apart_since(&self, before: &Self) -> Vec<u32> {
+        let is_apart =
+            |submap: &u32| self.component(*submap) == *submap && before.component(*submap) != *submap;
+        (0..self.n()).filter(is_apart).collect()
+    }
+
     /// Where keyframes belong, in their order.
     pub(crate) fn origins(&self, keyframes: &[KeyframeState]) -> Vec<Origin> {
         let origin = |k: &KeyframeState| Origin {
@@ -125,8 +132,10 @@ mod tests {
         assert_eq!(found, submaps(&[0, 1, 0, 0]));
         assert_eq!((found.n_components(), found.component(3)), (2, 0));
         // An optimisation that knew the first three.
+        let before = found.clone();
         found.judge(&submaps(&[0, 1, 2]));
         assert_eq!(found, submaps(&[0, 1, 2, 0]));
+        assert_eq!((found.apart_since(&before), before.apart_since(&found)), (vec![2], vec![]));
         assert_eq!(found.first(2), submaps(&[0, 1]));
         assert!(found.is_consistent() && Submaps::default().is_consistent());
         for wrong in [&[1, 1][..], &[0, 0, 1], &[0, 7]] {

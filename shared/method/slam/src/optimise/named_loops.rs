@@ -9,9 +9,6 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::iter::zip;
 
-/// Factor of a pair's cost below which the optimiser set it aside.
-const LITTLE_WEIGHT: f64 = 0.5;
-
 /// Loop pairs of the working map, by the ids of the newer and the older keyframe, as last named: a
 /// fold over the corrections.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -27,7 +24,7 @@ impl NamedLoops {
                 inconsistency_sigmas: l.inconsistency_sigmas,
                 verdict: l.verdict,
             };
-            ((l.newer, l.older), (tested, l.weight >= LITTLE_WEIGHT))
+            ((l.newer, l.older), (tested, has_weight(l)))
         };
         self.0.extend(correction.loops.iter().map(named));
         if !correction.keyframes.is_empty() {
@@ -39,8 +36,8 @@ impl NamedLoops {
     /// The records that tell more than was named; their ids rise.
     pub(crate) fn not_named(&self, loops: Vec<LoopRecord>) -> Vec<LoopRecord> {
         let before = values_of(loops.iter().map(|pair| (pair.newer, pair.older)), self.0.iter());
-        let is_named = |pair: &LoopRecord, (named, has_weight): &(Tested, bool)| {
-            (named.verdict, *has_weight) == (pair.verdict, pair.weight >= LITTLE_WEIGHT)
+        let is_named = |pair: &LoopRecord, (named, had_weight): &(Tested, bool)| {
+            (named.verdict, *had_weight) == (pair.verdict, has_weight(pair))
         };
         let news =
             zip(&loops, before).filter(|(pair, named)| named.is_none_or(|named| !is_named(pair, named)));
@@ -62,6 +59,11 @@ impl NamedLoops {
     pub(crate) fn is_contradicted(&self, pair: &PairIds) -> bool {
         self.0.get(pair).is_some_and(|(tested, _)| tested.verdict == LoopVerdict::Contradicted)
     }
+}
+
+/// Whether the optimiser counted a pair rather than set it aside: its cost has a factor of 0 to 1.
+fn has_weight(pair: &LoopRecord) -> bool {
+    pair.weight >= 1.0 - pair.weight
 }
 
 #[cfg(test)]

@@ -47,7 +47,7 @@ pub(crate) fn with_sighting(
     }
     let is_other = |id: u32| input.map.keyframe(id).is_some_and(|k| !input.map.contains(k));
     let known = state.sighting.filter(|sighting| is_other(sighting.seen) && !is_other(sighting.own));
-    let is_certain = |sighting: &SightingRecord| sighting.evidence_nats() >= bound_nats(input, sighting);
+    let is_certain = |sighting: &SightingRecord| sighting.evidence_nats() >= SequentialTest::accepted_nats();
     let turn = turn(input, TURN_FRAMES, record.change.new_keyframe.is_some());
     let sighting = match (known, turn) {
         (Some(known), _) if is_certain(&known) => Some(known),
@@ -65,19 +65,6 @@ pub(crate) fn with_sighting(
             record
         }
     }
-}
-
-/// Evidence that makes a sighting certain, nats: that of the sequential test, and as much again for each join that
-/// had it and was refuted, or refused between the two.
-fn bound_nats(input: &TrackingInput<'_>, sighting: &SightingRecord) -> f64 {
-    let state = input.map.state();
-    let seen = input.map.keyframe(sighting.seen).map_or(0, |k| state.submaps.component(k.submap));
-    let own = state.submaps.component(input.map.submap());
-    let is_between = |(join, _): &&(JoinRecord, u32)| {
-        [(join.kept, join.moved), (join.moved, join.kept)].contains(&(own, seen))
-    };
-    let n_refused = state.refused.iter().filter(is_between).count() as u32;
-    SequentialTest::accepted_nats() * f64::from(state.n_refuted.saturating_add(n_refused).saturating_add(1))
 }
 
 /// A first sighting: the frame's place among the keyframes of all other submaps.
@@ -234,7 +221,7 @@ fn joined(input: &TrackingInput<'_>, sighting: &SightingRecord, mut record: Fram
         TestVerdict::Accepted => {}
         TestVerdict::Undecided => {
             // Half of it anew, with the keyframes to come.
-            let evidence_millinats = millinats(0.5 * bound_nats(input, sighting));
+            let evidence_millinats = millinats(0.5 * SequentialTest::accepted_nats());
             record.change.sighting = Some(SightingRecord { evidence_millinats, ..*sighting });
             return record;
         }
@@ -297,12 +284,11 @@ fn fits_elsewhere(
         .is_some()
 }
 
-/// Whether the same join was refused, and there are not yet twice as many keyframes to tell.
+/// Whether the same join was refused, and too few keyframes were made since to tell anything else.
 fn is_known_refused(state: &TrackerState, join: &JoinRecord) -> bool {
     let n = state.keyframes.len() as u32;
-    let is_known = |(refused, then): &(JoinRecord, u32)| {
-        n < then.saturating_mul(2) && contradiction::is_same_join(refused, join)
-    };
+    let is_known =
+        |(refused, from): &(JoinRecord, u32)| n < *from && contradiction::is_same_join(refused, join);
     state.refused.iter().any(is_known)
 }
 

@@ -104,11 +104,11 @@ pub(crate) fn relocalise(
     let mut candidates = seen_candidates(input, aligner, &anywhere, input.map.state().n_lost as usize);
     candidates.extend(supposed_candidates(input, &anywhere, prediction));
     let n_candidates = candidates.len() as u32;
-    let Some(FoundPlace { found, how, shown }) = first_that_fits(input, aligner, candidates) else {
+    let motion_nats = |found: &WindowAlignment| motion_nats(input, prediction, found);
+    let Some(FoundPlace { found, how }) = first_that_fits(input, aligner, candidates, motion_nats) else {
         return Err(vec![why_lost, Cause::NoPlaceFits(n_candidates)]);
     };
-    let test = SequentialTest::default().with(shown.llr_nats(), 1.0);
-    let test = test.with(motion_nats(input, prediction, &found), 1.0);
+    let test = SequentialTest::default().with(found.evidence_nats, 1.0);
     Ok(as_far_as_certain(found, test, vec![why_lost, how]))
 }
 
@@ -132,7 +132,7 @@ pub(crate) fn recognise(
 ) -> Option<WindowAlignment> {
     let mut candidates = seen_candidates(input, aligner, keyframes, turn);
     candidates.extend(similar_keyframes(input, keyframes));
-    first_that_fits(input, aligner, candidates).map(|place| place.found)
+    first_that_fits(input, aligner, candidates, |_| 0.0).map(|place| place.found)
 }
 
 /// The place of a frame among these keyframes by features alone, at the cost of a search and of a match with
@@ -147,7 +147,7 @@ pub(crate) fn glimpse(
     let ids = recognised(input, aligner, keyframes);
     let seen = candidates_by_features(input, aligner, &ids, MIN_FEATURES as usize);
     let best = seen.into_iter().find(|candidate| is_worth_while(&candidate.guess, candidate.submap))?;
-    first_that_fits(input, aligner, vec![best]).map(|place| place.found)
+    first_that_fits(input, aligner, vec![best], |_| 0.0).map(|place| place.found)
 }
 
 /// Those of these keyframes that show most of the frame's features.
@@ -161,14 +161,14 @@ fn recognised(input: &TrackingInput<'_>, aligner: &mut Aligner, keyframes: &[&Ke
 struct FoundPlace {
     found: WindowAlignment,
     how: Cause,
-    shown: Shown,
 }
 
-/// The first candidate that passes, and how it was found.
+/// The first candidate that passes, and how it was found; `prior_nats`: evidence of a place beside the view's.
 fn first_that_fits(
     input: &TrackingInput<'_>,
     aligner: &mut Aligner,
     candidates: Vec<Candidate>,
+    prior_nats: impl Fn(&WindowAlignment) -> f64,
 ) -> Option<FoundPlace> {
     for candidate in candidates {
         let guess = place(input, &candidate.guess);
@@ -181,14 +181,15 @@ fn first_that_fits(
             continue;
         }
         let Some(shown) = found_place::shown(&there, aligner, &found) else { continue };
-        if matches!(shown, Shown::Evidence(_)) && shown.llr_nats() <= found_place::least_nats(input) {
-            continue;
-        }
         // Of the submaps that are joined there, that of the nearest keyframe.
         let submap = found.keyframes(input.map).next().map_or(candidate.submap, |k| k.submap);
+        let found = WindowAlignment { submap, ..found };
+        let evidence_nats = shown.llr_nats() + prior_nats(&found);
+        if matches!(shown, Shown::Evidence(_)) && evidence_nats <= found_place::least_nats(input) {
+            continue;
+        }
         let how = Cause::Found(candidate.place, fit);
-        let evidence_nats = shown.llr_nats();
-        return Some(FoundPlace { found: WindowAlignment { submap, evidence_nats, ..found }, how, shown });
+        return Some(FoundPlace { found: WindowAlignment { evidence_nats, ..found }, how });
     }
     None
 }
