@@ -10,6 +10,11 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use tessera_journal::{RecordKind, partial_path, read_checkpoint, write_checkpoint};
 
+/// Layout of the states of this version of records, to be counted up with each change of a field.
+const STATE_LAYOUT: u32 = 1;
+/// Layouts between two versions of records.
+const STATES_PER_VERSION: u32 = 100;
+
 /// What stands in the file.
 #[derive(Serialize, Deserialize)]
 struct Kept<T> {
@@ -88,7 +93,7 @@ impl Checkpoint {
 
     /// A state is a fold over records of the aligner: another version of them, another state.
     fn records<T>(&self) -> RecordKind<T> {
-        RecordKind::only(self.kind, ALIGN_JOURNAL.version)
+        RecordKind::only(self.kind, ALIGN_JOURNAL.version * STATES_PER_VERSION + STATE_LAYOUT)
     }
 
     /// Removes it, and what a killed writer left of one.
