@@ -56,10 +56,11 @@ struct Votes {
 }
 
 impl Votes {
-    /// Counts a window by its deviations from a plane.
-    fn add(&mut self, of_other: f64, of_depth: f64) {
-        self.n_for_other += usize::from(of_other < PLANE && of_other < CLEARLY * of_depth);
-        self.n_for_depth += usize::from(of_depth < PLANE && of_depth < CLEARLY * of_other);
+    /// Counts a window by its deviations from a plane; of what lies within `rounding` none is the better.
+    fn add(&mut self, of_other: f64, of_depth: f64, rounding: f64) {
+        let is_better = |one: f64, other: f64| one < PLANE && one < CLEARLY * other && other > rounding;
+        self.n_for_other += usize::from(is_better(of_other, of_depth));
+        self.n_for_depth += usize::from(is_better(of_depth, of_other));
     }
 
     /// "N of M places that show a plane", where most speak for the other reading.
@@ -105,8 +106,11 @@ impl Bent {
                 }
                 let off = |reading: usize| off_plane(samples.iter().map(|s| [s[0], s[1], s[reading]]));
                 let of_depth = off(2);
-                self.distance.add(off(3), of_depth);
-                self.inverse.add(off(4), of_depth);
+                // Root mean square of the rounding to whole numbers, of the mean value.
+                let mean = samples.iter().map(|sample| sample[4]).sum::<f64>() / samples.len() as f64;
+                let rounding = 1.0 / (f64::sqrt(12.0) * mean);
+                self.distance.add(off(3), of_depth, rounding);
+                self.inverse.add(off(4), of_depth, rounding);
             }
         }
     }
@@ -184,6 +188,13 @@ mod tests {
         let mut flat = Bent::default();
         flat.add(&raw, &camera);
         assert_eq!(flat.doubt(), None);
+    }
+
+    #[test]
+    fn a_wall_that_is_faced_straight_on_is_flat_by_both_readings() {
+        let mut bent = Bent::default();
+        (990..1010).for_each(|raw| bent.add(&vec![raw; 160 * 120], &camera()));
+        assert_eq!(bent.doubt(), None);
     }
 
     #[test]

@@ -109,7 +109,7 @@ fn pgm(bytes: &[u8]) -> Result<ArrayPixels<'_>, ImageError> {
     let [width, height, most] = numbers;
     if most <= 255 {
         let found = "1 channel of 8 bits".to_owned();
-        return Err(ImageError::Pixels { what: "depth", found, expected: "1 channel of 16 bits" });
+        return Err(ImageError::Pixels { what: "depth", found, expected: super::NO_PICTURE });
     }
     let data = left.get(1..).unwrap_or_default();
     Ok(ArrayPixels { size: (width, height), kind: ArrayKind::Whole { is_big_endian: true }, data })

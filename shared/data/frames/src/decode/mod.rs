@@ -47,6 +47,9 @@ pub fn depth_in(
     depth(bytes, size, depth_raw)
 }
 
+/// What is expected where depth was painted.
+const NO_PICTURE: &str = "1 channel of 16 bits; a picture of depth does not hold its values, so export these";
+
 /// Decodes a 16-bit greyscale PNG of the given columns and rows.
 pub fn depth(bytes: &[u8], size: (u32, u32), depth_raw: &mut [u16]) -> Result<(), ImageError> {
     if !is_png(bytes) {
@@ -56,7 +59,8 @@ pub fn depth(bytes: &[u8], size: (u32, u32), depth_raw: &mut [u16]) -> Result<()
     check_size("depth", png.reader.info().size(), size)?;
     if (png.n_channels, png.n_bits) != (1, 16) {
         let found = pixels(png.n_channels, png.n_bits);
-        return Err(ImageError::Pixels { what: "depth", found, expected: "1 channel of 16 bits" });
+        let expected = if png.n_bits < 16 { NO_PICTURE } else { "1 channel of 16 bits" };
+        return Err(ImageError::Pixels { what: "depth", found, expected });
     }
     png.read(bytemuck::cast_slice_mut(depth_raw))?;
     for raw in depth_raw {

@@ -2,10 +2,12 @@
 //!
 //! The order of recording is the order of the frames. A clock that is set back, or a recording that
 //! was played twice, begins a new stretch of time, which is counted on from the one before; stamps
-//! that are not set are replaced by the times of recording. Each of these is stated in a sentence.
+//! that are not set are replaced by those of the other stream, or by the times of recording. Each of these is stated in a sentence.
 
+mod borrowed;
 mod stretches;
 
+use borrowed::borrow;
 use stretches::{Stretches, stretches};
 
 /// Interval where nothing tells the rate, nanoseconds: 30 frames a second.
@@ -51,15 +53,25 @@ pub fn timelines(depth: &[RecordedImage], colour: &[RecordedImage], names: [&str
     for (stream, name) in [(&mut depth, names[0]), (&mut colour, names[1])] {
         all.sentences.extend(fill_some(stream, name));
     }
-    let faults = [(&depth, names[0]), (&colour, names[1])].map(|(stream, name)| unusable(stream, name));
-    if faults.iter().any(Option::is_some) {
-        let is_logged = has_log(&depth) && has_log(&colour);
-        let instead =
-            if is_logged { "the times of recording are used" } else { "30 frames a second are assumed" };
-        let faults: Vec<String> = faults.into_iter().flatten().collect();
-        all.sentences.push(format!("{}: {instead}", faults.join(", ")));
-        by_recording(&mut depth, is_logged);
-        by_recording(&mut colour, is_logged);
+    let is_logged = has_log(&depth) && has_log(&colour);
+    match [(&depth, names[0]), (&colour, names[1])].map(|(stream, name)| unusable(stream, name)) {
+        [None, None] => {}
+        [Some(fault), None] if colour.len() > 1 => {
+            borrow(&mut depth, &colour, is_logged);
+            all.sentences.push(format!("{fault}: the times of {} are used", names[1]));
+        }
+        [None, Some(fault)] if depth.len() > 1 => {
+            borrow(&mut colour, &depth, is_logged);
+            all.sentences.push(format!("{fault}: the times of {} are used", names[0]));
+        }
+        faults => {
+            let instead =
+                if is_logged { "the times of recording are used" } else { "30 frames a second are assumed" };
+            let faults: Vec<String> = faults.into_iter().flatten().collect();
+            all.sentences.push(format!("{}: {instead}", faults.join(", ")));
+            by_recording(&mut depth, is_logged);
+            by_recording(&mut colour, is_logged);
+        }
     }
     let of_depth = stretches(&depth, names[0]);
     let of_colour = stretches(&colour, names[1]);

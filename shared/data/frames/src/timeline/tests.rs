@@ -114,6 +114,32 @@ fn stamps_that_are_not_set_are_replaced_by_the_times_of_recording() {
 }
 
 #[test]
+fn a_stream_without_stamps_has_those_of_the_other() {
+    let usable = [5000, 5033, 5066, 5099];
+    for is_logged in [true, false] {
+        let of = |millis: &[i64]| if is_logged { stream(millis) } else { without_log(millis) };
+        let found = timelines(&of(&usable), &of(&[0; 4]), ["depth.txt", "rgb.txt"]);
+        assert_eq!(found.depth.stamps_nanos, usable.map(|stamp| stamp * MS), "{found:?}");
+        assert_eq!(found.colour, found.depth, "{found:?}");
+        assert_eq!(found.sentences, ["rgb.txt: 4 of 4 stamps are not set: the times of depth.txt are used"]);
+        let found = timelines(&of(&[7; 4]), &of(&usable), ["depth.txt", "rgb.txt"]);
+        assert_eq!(found.depth.stamps_nanos, usable.map(|stamp| stamp * MS), "{found:?}");
+        assert_eq!(found.colour, found.depth, "{found:?}");
+    }
+    // Between two images and behind the last, by the time of recording; where the clock was set back too.
+    let depth = stream(&[5000, 5033, 4000, 4033]);
+    let mut colour = stream(&[0; 5]);
+    colour.iter_mut().for_each(|image| image.log_nanos = image.log_nanos.map(|log| log + 11 * MS));
+    let found = timelines(&depth, &colour, ["d", "c"]);
+    assert_eq!(found.depth.stamps_nanos, [5000, 5033, 5066, 5099].map(|stamp| stamp * MS));
+    assert_eq!(
+        found.colour.stamps_nanos,
+        [5011, 5033, 5077, 5110, 5143].map(|stamp| stamp * MS),
+        "{found:?}"
+    );
+}
+
+#[test]
 fn a_list_without_any_order_is_sorted() {
     let millis: Vec<i64> = (0..40).map(|k| (k * 17 % 40) * 33).collect();
     let found = timelines(&without_log(&millis), &[], ["depth.txt", "rgb.txt"]);

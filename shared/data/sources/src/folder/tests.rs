@@ -121,7 +121,11 @@ fn bad_images_are_named_with_frame_file_found_and_expected() {
     check(write("d0.png", Vec::new()), 0, &["frame 0, ", "nothing (0 bytes)", "expected a PNG"]);
     check(write("d0.png", b"hello world".to_vec()), 0, &["begins with 'hello wo', expected a PNG"]);
     let eight = png(&[1; N_PIXELS], WIDTH, HEIGHT, ExtendedColorType::L8);
-    check(write("d2.png", eight), 2, &["frame 2", "1 channel of 8 bits, expected 1 channel of 16 bits"]);
+    check(
+        write("d2.png", eight),
+        2,
+        &["frame 2", "1 channel of 8 bits, expected 1 channel of 16 bits; a picture of depth"],
+    );
     let small = png(&[1; 50], 5, 5, ExtendedColorType::L16);
     check(write("d0.png", small), 0, &["depth image is 5x5 px, expected 20x16 px"]);
     let other_size = png(&[1; 3 * 100], 10, 10, ExtendedColorType::Rgb8);

@@ -1,6 +1,6 @@
 //! What was asked for beside the folder, and the camera that comes of it.
 
-use super::beside::{camera_beside, camera_file_of, not_understood};
+use super::beside::{camera_beside, camera_file_of, hint_above, not_understood};
 use super::guess;
 use crate::folder::list::ListEntry;
 use crate::{COLOUR_NONE, SourceError, SourceOptions};
@@ -107,7 +107,10 @@ impl Asked {
             None if self.is_guess => guess::camera(folder, depth, units),
             None => Err(SourceError::NoCamera {
                 folder: folder.to_owned(),
-                beside: not_understood(folder).unwrap_or_default(),
+                beside: [not_understood(folder), hint_above(folder, depth, units)]
+                    .into_iter()
+                    .flatten()
+                    .collect(),
                 template: guess::template(folder, depth, units),
             }),
         }

@@ -54,10 +54,47 @@ pub(super) fn camera_beside(
     depth: &[ListEntry],
     units: f64,
 ) -> Result<Option<ChosenCamera>, SourceError> {
-    let names: Vec<String> = names(folder).into_iter().filter(|name| may_hold_a_camera(name)).collect();
+    camera_in(folder, folder, depth, units)
+}
+
+/// The same of the folder above, for sequences of one scene.
+pub(super) fn camera_above(
+    folder: &Path,
+    depth: &[ListEntry],
+    units: f64,
+) -> Result<Option<ChosenCamera>, SourceError> {
+    let absolute = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
+    let Some(above) = absolute.parent() else { return Ok(None) };
+    if let Some((file, from)) = camera_file_of(above)? {
+        let assumed = file.assumed.into_iter().collect();
+        let chosen = ChosenCamera::stated(file.camera, format!("../{from}"));
+        return Ok(Some(ChosenCamera { assumed, lens: file.lens, ..chosen }));
+    }
+    let found = camera_in(above, folder, depth, units)?;
+    Ok(found.map(|chosen| ChosenCamera { from: format!("../{}", chosen.from), ..chosen }))
+}
+
+/// A camera file in the folder above that fits, with the option that takes it, for people.
+pub(super) fn hint_above(folder: &Path, depth: &[ListEntry], units: f64) -> Option<String> {
+    let size = size_of(folder, depth).ok()?;
+    let chosen = camera_above(folder, depth, units).ok()??;
+    let file = chosen.from.trim_start_matches("../").split(" (").next()?;
+    let is_it = (chosen.camera.width, chosen.camera.height) == size;
+    let path = folder.join("..").join(file);
+    is_it.then(|| format!(", but one in the folder above that fits (--camera '{}')", path.display()))
+}
+
+/// The camera of a file in `place` for the depth images of `folder`.
+fn camera_in(
+    place: &Path,
+    folder: &Path,
+    depth: &[ListEntry],
+    units: f64,
+) -> Result<Option<ChosenCamera>, SourceError> {
+    let names: Vec<String> = names(place).into_iter().filter(|name| may_hold_a_camera(name)).collect();
     let (mut stated, mut unreadable) = (Vec::new(), None);
-    for name in names.iter().filter(|name| folder.join(name).is_file()) {
-        match read_stated(&folder.join(name)) {
+    for name in names.iter().filter(|name| place.join(name).is_file()) {
+        match read_stated(&place.join(name)) {
             Ok(Some(camera)) => stated.push((name.clone(), camera)),
             Ok(None) => {}
             Err(error) => unreadable = unreadable.or(Some(error)),
@@ -68,7 +105,7 @@ pub(super) fn camera_beside(
     }
     let size = size_of(folder, depth)?;
     let (fitting, others): (Vec<_>, Vec<_>) = stated.into_iter().partition(|(_, camera)| fits(camera, size));
-    let Some((name, camera)) = one_of(folder, &fitting)? else {
+    let Some((name, camera)) = one_of(place, &fitting)? else {
         let Some((name, camera)) = others.first() else { return Ok(None) };
         let found = match camera.size {
             Some((width, height)) => format!("is {width}x{height} px"),
@@ -78,13 +115,13 @@ pub(super) fn camera_beside(
             "the camera {found}, the depth images {}x{}; expected a file for the depth images, or --camera FILE",
             size.0, size.1
         );
-        return Err(wrong(&folder.join(name), reason));
+        return Err(wrong(&place.join(name), reason));
     };
     let mut camera = camera.clone();
     let mut assumed = Vec::new();
     if camera.units_per_metre.is_none() {
         let scales = names.iter().filter(|other| *other != name && other.ends_with(".json"));
-        let beside = scales.filter_map(|other| Some((other, read_scale(&folder.join(other))?))).next();
+        let beside = scales.filter_map(|other| Some((other, read_scale(&place.join(other))?))).next();
         camera.units_per_metre = beside.as_ref().map(|(_, scale)| *scale);
         if beside.is_none() {
             assumed.push(format!(
@@ -93,7 +130,7 @@ pub(super) fn camera_beside(
         }
     }
     let from = format!("{name} ({})", camera.form);
-    let file = folder.join(name).display().to_string();
+    let file = place.join(name).display().to_string();
     let chosen = ChosenCamera::stated(camera.camera(size, units, &file)?, from);
     let mut doubts = Vec::new();
     if camera.intrinsics[0] * camera.intrinsics[1] < 0.0 {

@@ -113,7 +113,17 @@ fn is_of_icl(folder: &Path) -> bool {
 }
 
 fn unusable(path: &Path, line: usize, found: &str) -> SourceError {
-    wrong(path, format!("line {line}: found '{found}', expected: number depth/FILE number rgb/FILE"))
+    let is_pair = found.split(SEPARATORS).filter(|word| !word.is_empty()).count() == 2;
+    let mend = match is_pair.then(|| path.file_name()).flatten() {
+        Some(name) => {
+            let name = name.to_string_lossy();
+            format!(
+                "; pairs without times are numbered by: awk '{{print NR, $1, NR, $2}}' {name} > a.txt && mv a.txt {name}"
+            )
+        }
+        None => String::new(),
+    };
+    wrong(path, format!("line {line}: found '{found}', expected: number depth/FILE number rgb/FILE{mend}"))
 }
 
 /// Poses by number or time, as the images have.

@@ -6,13 +6,16 @@ use super::super::list::{ListEntry, is_inside};
 use super::super::names::{NameMeaning, nanos_of, understand};
 use super::asked::ChosenCamera;
 use super::files::{json, number_nanos, size_of, some_depth, wrong};
+use super::intrinsics::Intrinsics;
 use super::pose::{Poses, from_matrix, y_down};
 use super::{Asked, FoundLayout};
 use crate::SourceError;
 use serde::Deserialize;
+use serde_json::Value;
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use tessera_frames::ColourCamera;
-use tessera_frames::camera_forms::{StatedCamera, read_stated};
+use tessera_frames::camera_forms::{StatedCamera, read_scale, read_stated};
 use tessera_geometry::Pose;
 
 pub(super) const NAME: &str = "nerfstudio (transforms.json with depth)";
@@ -24,6 +27,8 @@ const UNITS_PER_METRE: f64 = 1000.0;
 /// What is used of `transforms.json` beside its camera.
 #[derive(Deserialize)]
 struct NerfTransforms {
+    #[serde(default)]
+    camera_model: String,
     frames: Vec<NerfFrame>,
 }
 
@@ -37,6 +42,48 @@ struct NerfFrame {
     transform_matrix: Vec<Vec<f64>>,
     /// Seconds.
     timestamp: Option<f64>,
+    #[serde(flatten)]
+    lens: HashMap<String, Value>,
+}
+
+impl NerfFrame {
+    fn number(&self, name: &str) -> Option<f64> {
+        self.lens.get(name).and_then(Value::as_f64)
+    }
+
+    /// `fl_x fl_y cx cy` and the size, where the frame has its own and its lens does not distort.
+    fn own_camera(&self) -> Option<([f64; 4], (u32, u32))> {
+        let is_plain =
+            ["k1", "k2", "k3", "k4", "p1", "p2"].iter().all(|name| self.number(name).unwrap_or(0.0) == 0.0);
+        let [fx, fy, cx, cy] = ["fl_x", "fl_y", "cx", "cy"].map(|name| self.number(name));
+        let side = |name: &str| {
+            self.lens.get(name).and_then(Value::as_u64).and_then(|side| u32::try_from(side).ok())
+        };
+        // There the middle of the first pixel is at 0.5.
+        is_plain.then_some(([fx?, fy?, cx? - 0.5, cy? - 0.5], (side("w")?, side("h")?)))
+    }
+}
+
+/// The median of the cameras that the frames have each, as converters of phones' recordings write them; `None`
+/// unless all have one, of one size. With it a sentence where the focal length changes.
+fn of_frames(frames: &[NerfFrame], path: &Path) -> Option<(StatedCamera, Option<String>)> {
+    let cameras: Vec<([f64; 4], (u32, u32))> =
+        frames.iter().map(NerfFrame::own_camera).collect::<Option<_>>()?;
+    let size = cameras.first()?.1;
+    if cameras.iter().any(|(_, other)| *other != size) {
+        return None;
+    }
+    let median = Intrinsics::of(cameras);
+    let stated = StatedCamera {
+        form: "nerfstudio",
+        size: Some(size),
+        intrinsics: median.at(size),
+        distortion: [0.0; 5],
+        lens: None,
+        units_per_metre: read_scale(path),
+        fps: None,
+    };
+    Some((stated, median.warning()))
 }
 
 pub(super) fn is(folder: &Path) -> bool {
@@ -47,9 +94,13 @@ pub(super) fn is(folder: &Path) -> bool {
 
 pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceError> {
     let path = folder.join(FILE);
-    let mut frames = json::<NerfTransforms>(&path)?.frames;
+    let NerfTransforms { camera_model, mut frames } = json::<NerfTransforms>(&path)?;
     frames.retain(|frame| frame.depth_file_path.is_some());
-    let stated = read_stated(&path)?;
+    let (stated, focus) = match read_stated(&path)? {
+        Some(stated) => (Some(stated), None),
+        None if camera_model.contains("FISHEYE") => (None, None),
+        None => of_frames(&frames, &path).map_or((None, None), |(stated, focus)| (Some(stated), focus)),
+    };
     let (fps, words) = asked.rate(stated.as_ref().and_then(|camera| camera.fps));
     let (times, words) = times(&frames, asked, fps, words, &path)?;
     let mut rows: Vec<(i64, NerfFrame)> = times.into_iter().zip(frames).collect();
@@ -77,7 +128,7 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
     let depth = some_depth(depth, folder, "frames with depth_file_path in transforms.json")?;
     let chosen = asked.camera(folder, || {
         let stated = stated.clone().ok_or_else(|| {
-            wrong(&path, "no fl_x, fl_y, cx, cy for all frames, expected one camera; put a camera.toml beside it")
+            wrong(&path, "no fl_x, fl_y, cx, cy for all frames, nor for each of one size without distortion, expected one camera; put a camera.toml beside it")
         })?;
         let size = size_of(folder, &depth)?;
         let scaled = scaled_to_depth(&stated, size, &path)?;
@@ -98,6 +149,7 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
         found.colour_camera =
             camera.map(|camera| ColourCamera { camera, colour_from_depth: Pose::identity() });
     }
+    found.warnings.extend(focus);
     found.take_truth(wrong_pose.map_or(Ok(poses.finish()), Err));
     if n > rows.len() {
         found.warnings.push(format!(

@@ -1,14 +1,15 @@
 //! 7-Scenes: `frame-000000.depth.png` (of 3RScan `.depth.pgm`) in millimetres (65535: no measurement), `.color.png` and
 //! `.pose.txt`, a 4x4 camera-to-world matrix. BundleFusion and 3DMatch name their images so too, and put
-//! their camera beside them (`info.txt`, `_info.txt`, `camera-intrinsics.txt`); the camera of 7-Scenes is assumed in
-//! its own folders alone.
+//! their camera beside them (`info.txt`, `_info.txt`, `camera-intrinsics.txt`), or above the folders `seq-01` of a
+//! scene; the camera of 7-Scenes is assumed in its own folders alone.
 
 use super::asked::ChosenCamera;
+use super::beside::camera_above;
 use super::files::{numbered, size_of, some_depth};
 use super::times::FrameTimes;
 use super::{Asked, FoundLayout, pose};
 use crate::SourceError;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use tessera_frames::cameras::named_camera;
 
 pub(super) const NAME: &str = "7-Scenes (frame-000000.depth.png)";
@@ -27,6 +28,11 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
     let images = numbered(folder, "", PREFIX, DEPTH);
     let unset = super::files::unset(&images);
     let chosen = asked.camera_or_beside(folder, &unset, UNITS_PER_METRE, || {
+        if is_sequence(&absolute(folder))
+            && let Some(chosen) = camera_above(folder, &unset, UNITS_PER_METRE)?
+        {
+            return Ok(Some(chosen));
+        }
         let camera = named_camera("7scenes")?;
         let is_it = is_of_seven_scenes(folder) && size_of(folder, &unset)? == (camera.width, camera.height);
         Ok(is_it.then(|| ChosenCamera::assumed(camera, "that of 7-Scenes, 585 px")))
@@ -41,17 +47,25 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
     Ok(found)
 }
 
-/// Whether the folder is `seq-01`, or in a folder with the name of one of the scenes.
-fn is_of_seven_scenes(folder: &Path) -> bool {
-    let absolute = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
-    let is_scene = |path: &Path| {
-        path.file_name().is_some_and(|name| SCENES.contains(&name.to_string_lossy().to_lowercase().as_str()))
-    };
-    let is_sequence = absolute.file_name().is_some_and(|name| {
+fn absolute(folder: &Path) -> PathBuf {
+    std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned())
+}
+
+/// Whether the folder is `seq-01`.
+fn is_sequence(folder: &Path) -> bool {
+    folder.file_name().is_some_and(|name| {
         let name = name.to_string_lossy().to_lowercase();
         name.strip_prefix("seq-")
             .or(name.strip_prefix("seq"))
             .is_some_and(|number| number.parse::<u32>().is_ok())
-    });
-    is_sequence || is_scene(&absolute) || absolute.parent().is_some_and(is_scene)
+    })
+}
+
+/// Whether the folder is `seq-01`, or in a folder with the name of one of the scenes.
+fn is_of_seven_scenes(folder: &Path) -> bool {
+    let absolute = absolute(folder);
+    let is_scene = |path: &Path| {
+        path.file_name().is_some_and(|name| SCENES.contains(&name.to_string_lossy().to_lowercase().as_str()))
+    };
+    is_sequence(&absolute) || is_scene(&absolute) || absolute.parent().is_some_and(is_scene)
 }

@@ -148,3 +148,67 @@ fn ground_truth_of_other_times_is_stated() {
     let source = folder.open();
     assert_eq!(source.ground_truth().unwrap().poses[0].rotation.angle(), 0.0);
 }
+
+#[test]
+fn a_camera_in_the_folder_above_is_that_of_its_sequences_and_else_named() {
+    let scene = Folder::new();
+    for k in 0..2 {
+        scene.depth_of(&format!("seq-01/frame-{k:06}.depth.png"), (640, 480), 1500);
+        scene.depth_of(&format!("kitchen/depth/{k}.png"), (640, 480), 1500);
+    }
+    let open = |name: &str| FolderSource::open(&scene.path().join(name), None, None);
+    let source = open("seq-01").unwrap();
+    assert_eq!(source.camera().fx, 585.0);
+    assert!(warned(&source).contains("the camera is assumed to be that of 7-Scenes"), "{}", warned(&source));
+    // As 3DMatch has it.
+    scene.write("camera-intrinsics.txt", "615 0 321\n0 616 244\n0 0 1\n");
+    let source = open("seq-01").unwrap();
+    assert_eq!(source.camera().fx, 615.0);
+    assert!(described(&source, "camera").contains("../camera-intrinsics.txt"), "{:?}", source.description());
+    let refusal = open("kitchen").unwrap_err().to_string();
+    assert!(refusal.contains("one in the folder above that fits (--camera '"), "{refusal}");
+    assert!(refusal.contains("kitchen/../camera-intrinsics.txt')"), "{refusal}");
+    scene.write("camera.toml", CAMERA);
+    assert!(!open("kitchen").unwrap_err().to_string().contains("that fits"));
+}
+
+#[test]
+fn pairs_without_times_get_the_command_that_numbers_them() {
+    let folder = Folder::new();
+    folder.write("associations.txt", "depth/1.png rgb/1.png\n");
+    let refusal = folder.refusal();
+    assert!(
+        refusal.contains("expected: number depth/FILE number rgb/FILE; pairs without times"),
+        "{refusal}"
+    );
+    assert!(refusal.contains("awk '{print NR, $1, NR, $2}' associations.txt"), "{refusal}");
+}
+
+#[test]
+fn cameras_of_single_frames_are_one_by_their_median() {
+    let folder = Folder::new();
+    let write = |focal: [f64; 3], more: &str| {
+        let mut frames = Vec::new();
+        for (k, focal) in focal.iter().enumerate() {
+            folder.depth(&format!("depth/{k}.png"), 1500);
+            frames.push(format!(
+                r#"{{"depth_file_path": "depth/{k}.png", "fl_x": {focal}, "fl_y": 62.0, "cx": 32.0, "cy": 24.0, "w": 64, "h": 48{more}}}"#
+            ));
+        }
+        let frames = frames.join(", ");
+        folder.write(
+            "transforms.json",
+            format!(r#"{{"camera_model": "OPENCV", "integer_depth_scale": 0.0005, "frames": [{frames}]}}"#),
+        );
+    };
+    write([60.0, 60.2, 60.1], "");
+    let source = folder.open();
+    let camera = source.camera();
+    assert!((camera.fx - 30.05).abs() < 1e-9 && (camera.cx - 15.5).abs() < 1e-9, "{camera:?}");
+    assert_eq!(camera.units_per_metre, 2000.0);
+    assert!(!warned(&source).contains("focal length"), "{}", warned(&source));
+    write([60.0, 70.0, 65.0], "");
+    assert!(warned(&folder.open()).contains("the focal length changes by"), "{}", warned(&folder.open()));
+    write([60.0; 3], r#", "k1": 0.1"#);
+    assert!(folder.refusal().contains("nor for each of one size without distortion"), "{}", folder.refusal());
+}
