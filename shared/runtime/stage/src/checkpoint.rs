@@ -13,7 +13,7 @@ use tessera_journal::{RecordKind, partial_path, read_checkpoint, write_checkpoin
 /// Layout of the states of this version of records, to be counted up with each change of a field.
 const STATE_LAYOUT: u32 = 1;
 /// Layouts between two versions of records.
-const STATES_PER_VERSION: u32 = 100;
+const STATES_PER_VERSION: u32 = 10;
 
 /// What stands in the file.
 #[derive(Serialize, Deserialize)]

@@ -5,7 +5,6 @@ pub(crate) mod association;
 pub(crate) mod culled;
 pub(crate) mod from_appearance;
 pub(crate) mod global;
-pub(crate) mod gravity;
 pub(crate) mod held;
 pub(crate) mod interpolation;
 mod judged_pair;

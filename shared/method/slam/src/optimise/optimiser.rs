@@ -15,7 +15,7 @@ use crate::optimise::culled::RunFrames;
 use crate::optimise::global::{self, Solution, Start};
 use crate::optimise::kept_matches::KeptMatches;
 use crate::optimise::named_loops::NamedLoops;
-use crate::optimise::pending::{Pending, Waiting};
+use crate::optimise::pending::{Pending, UnansweredRequest};
 use crate::optimise::refine::{FrameHistory, Refiner};
 use crate::optimise::refine_camera::refine_camera;
 use crate::optimise::sample_cache::Drawn;
@@ -36,7 +36,7 @@ pub struct Optimiser {
     context: Context,
     state: TrackerState,
     /// Requests without an answer.
-    pending: VecDeque<Waiting>,
+    pending: VecDeque<UnansweredRequest>,
     n_answered: u64,
     /// Loop pairs of the working map that the corrections so far named.
     named: NamedLoops,
@@ -88,7 +88,7 @@ impl Optimiser {
 
     /// An optimiser that was asked for all keyframes of a state that no journal led to.
     pub(crate) fn asked(context: Context, state: &TrackerState, request: RequestRecord) -> Self {
-        let mut waiting = Waiting::new(request);
+        let mut waiting = UnansweredRequest::new(request);
         waiting.keep(state);
         Self { pending: VecDeque::from([waiting]), ..Self::new(context) }
     }
@@ -115,7 +115,7 @@ impl Optimiser {
         if let Some(request) = request
             && request.request >= self.n_answered
         {
-            self.pending.push_back(Waiting::new(request));
+            self.pending.push_back(UnansweredRequest::new(request));
         }
     }
 

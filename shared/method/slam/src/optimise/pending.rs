@@ -9,14 +9,14 @@ use crate::map::state::{KeyframeState, TrackerState};
 use crate::map::submaps::Submaps;
 
 /// A request without an answer.
-pub(crate) struct Waiting {
+pub(crate) struct UnansweredRequest {
     pub(crate) request: RequestRecord,
     /// The state at its record, once the state itself has gone on. A copy of all keyframes: in a run they are
     /// answered before anything else is read.
     at_record: Option<Box<TrackerState>>,
 }
 
-impl Waiting {
+impl UnansweredRequest {
     /// A request whose record was just taken into the state.
     pub(crate) fn new(request: RequestRecord) -> Self {
         Self { request, at_record: None }
@@ -64,7 +64,7 @@ mod tests {
         let context = context();
         let mut state = TrackerState { keyframes: vec![keyframe(0, 0, 0.0)], ..TrackerState::default() };
         let request = RequestRecord { request: 0, n_keyframes: 2, effective_before: 9, is_final: false };
-        let mut waiting = Waiting::new(request);
+        let mut waiting = UnansweredRequest::new(request);
         let own = state.keyframes.as_ptr();
         assert_eq!(waiting.asks(&context, &state).keyframes.as_ptr(), own);
         waiting.keep(&state);

@@ -2,10 +2,10 @@
 //! correction, which alone can turn all that a lean has bent. In a window of the newest keyframes the older ones hold
 //! the lean.
 
+use crate::evidence::gravity::Gravity;
 use crate::map::context::Context;
 use crate::map::records::FrameRecord;
 use crate::map::state::{KeyframeState, TrackerState};
-use crate::optimise::gravity::Gravity;
 use crate::tracking::input::TrackingInput;
 use tessera_geometry::Pose;
 use tessera_graph::{Graph, INNER_ITERATIONS};
