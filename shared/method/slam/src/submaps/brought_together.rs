@@ -34,15 +34,32 @@ pub(crate) fn verdict(
         .zip(after)
         .map(|(keyframe, pose)| PlacedKeyframe { keyframe, world_from_camera: *pose, is_moved: false })
         .collect();
-    // Rooms that look alike agree until what is about them is seen: where the track does not allow what is brought
-    // together, as much must agree as would refute it.
     let is_allowed = |&(a, b): &(usize, usize)| {
         is_allowed((&keyframes[a], &keyframes[b]), relative(after, (a, b)), Matrix6::zeros())
     };
     let is_of_track = across.iter().all(is_allowed);
-    match contradiction::nats(context, &placed, surfaces, across, own) {
+    judged(contradiction::nats(context, &placed, surfaces, across, own), is_of_track)
+}
+
+/// The decision by so much evidence. Rooms that look alike agree until what is about them is seen: where the track does
+/// not allow what is brought together, as much must agree as would refute it.
+fn judged(nats: f64, is_of_track: bool) -> TestVerdict {
+    match nats {
         nats if nats < 0.0 => TestVerdict::Rejected,
         nats if is_of_track || SequentialTest::refutes(-nats) => TestVerdict::Accepted,
         _ => TestVerdict::Undecided,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_the_track_does_not_allow_waits_for_more_evidence() {
+        assert_eq!([true, false].map(|of_track| judged(-0.1, of_track)), [TestVerdict::Rejected; 2]);
+        let little = [true, false].map(|of_track| judged(2.4, of_track));
+        assert_eq!(little, [TestVerdict::Accepted, TestVerdict::Undecided]);
+        assert_eq!(judged(4.7, false), TestVerdict::Accepted);
     }
 }

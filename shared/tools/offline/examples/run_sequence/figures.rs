@@ -212,36 +212,3 @@ fn report_loops(records: &Records) {
     quantiles("inconsistency sigmas", |l| l.inconsistency_sigmas);
     quantiles("residual sigmas", |l| l.residual_sigmas);
 }
-
-pub(super) fn dump(path: &str, truth: Option<&Trajectory>, records: &Records) {
-    use std::io::Write;
-    let Some(truth) = truth else { return };
-    let mut file = std::fs::File::create(path).unwrap();
-    let mut why = std::fs::File::create(format!("{path}.why")).unwrap();
-    for f in records.frames() {
-        writeln!(
-            why,
-            "{} {:?} kf {} corr {} reason {:?} features {:?} blocks {} new {}",
-            f.index,
-            f.state,
-            f.pose.keyframe,
-            f.pose.n_correspondences,
-            f.reason(),
-            f.evidence.colour.as_ref().map(|c| format!("{c:?}")),
-            f.evidence.blocks.len(),
-            f.change.new_keyframe.is_some()
-        )
-        .unwrap();
-    }
-    for f in records.frames().filter(|f| f.pose.covariance.len() == 21) {
-        let Some(t) = true_pose(truth, f.stamp_nanos) else { continue };
-        let p = Pose::from(&f.pose.world_from_camera);
-        let w = |p: &Pose| {
-            let m = p.to_homogeneous();
-            m.transpose().iter().map(|v| format!("{v:.9}")).collect::<Vec<_>>().join(" ")
-        };
-        let c = from_upper_triangle(&f.pose.covariance);
-        let d: Vec<String> = c.iter().map(|v| format!("{v:.9e}")).collect();
-        writeln!(file, "{} {} {} {} {}", f.index, f.pose.keyframe, w(&p), w(&t), d.join(" ")).unwrap();
-    }
-}

@@ -112,8 +112,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             );
             if let Some(out) = &out {
                 let mut file = std::fs::File::create(out)?;
-                let last = records.online();
-                figures::dump(&format!("{out}.cov"), truth.as_ref(), &records);
+                let last = records.last();
                 for (stamp, pose) in last.stamps_nanos.iter().zip(&last.poses) {
                     write_tum_row(&mut file, *stamp, pose)?;
                 }
