@@ -12,6 +12,8 @@ use tessera_geometry::Pose;
 
 /// Features that make a pose.
 pub(crate) const LEAST_OF_POSE: usize = 12;
+/// Depth taken for a feature without one where a match is predicted, metres.
+const USUAL_DEPTH_M: f64 = 2.0;
 
 /// One frame's features with their observations.
 #[derive(Clone, Copy)]
@@ -155,9 +157,9 @@ impl pulp::WithSimd for Predict<'_> {
 
 #[inline(always)]
 fn gate(context: &Context, guess: &Pose, o: &Observation, radius_px: f64) -> Gate {
-    // Without depth it counts as far away, so that it turns and does not shift.
-    let far = || guess.rotation * Vector3::new(o.ray[0], o.ray[1], 1.0);
-    let seen = o.point.map_or_else(far, |p| guess.rotation * p.position_m + guess.translation.vector);
+    let usual = || Vector3::new(o.ray[0], o.ray[1], 1.0) * USUAL_DEPTH_M;
+    let point = o.point.map_or_else(usual, |p| p.position_m);
+    let seen = guess.rotation * point + guess.translation.vector;
     let pixel = context.colour.pixel(&context.camera, &seen).unwrap_or([f64::NAN; 2]);
     Gate { pixel: pixel.map(|p| p as f32), radius_px: radius_px as f32 }
 }
