@@ -69,19 +69,19 @@ pub(crate) const SHAPE: WeightTable = WeightTable {
     ],
 };
 
-/// By features alone, where the surfaces fit as those of one place do.
+/// By features alone, where the surfaces fit as those of one place do: as fitted to the collection before, whose
+/// features and surfaces are the same. The fit to this one has 3.15 nats for 20 missing features in place of 2.32, and
+/// two looks at a small image, which describes less than it detects, were a departure.
 pub(crate) const ALIKE: WeightTable = WeightTable {
-    constant_nats: -0.76,
+    constant_nats: -0.49,
     steps: &[
-        step(0, 12.0, 3.72),
-        step(0, 20.0, 2.39),
-        step(0, 40.0, 3.11),
-        step(0, 80.0, 0.36),
-        step(1, 0.1, 1.22),
-        step(1, 0.7, 0.16),
-        step(1, 1.0, 4.42),
-        step(2, 10.0, -0.15),
-        step(2, 20.0, -2.24),
-        step(2, 40.0, -0.41),
+        step(0, 12.0, 4.25),
+        step(0, 40.0, 2.35),
+        step(0, 80.0, 0.12),
+        step(1, 0.1, 2.93),
+        step(1, 0.7, 2.63),
+        step(1, 1.0, 1.00),
+        step(2, 20.0, -1.83),
+        step(2, 40.0, -0.97),
     ],
 };
