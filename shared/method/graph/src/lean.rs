@@ -8,31 +8,11 @@
 //! `Q_pairs(c) / c + Q_up(c) + nu / c = n_up + nu`, where `c >= 1`.
 
 use crate::graph::{Graph, Solver};
-use crate::up::{AXES, Ups};
-use tessera_geometry::Pose;
+use crate::up::AXES;
 use tessera_numerics::NotPositiveDefinite;
 
 /// Steps of the factor at most.
 const MOST_STEPS: u32 = 10;
-
-impl Ups {
-    /// Whether poses that are at their pairs' optimum lean by more than these measurements err: a solution for all of
-    /// them would give these more weight (`Q_up > n_up`, as `Q_pairs` is nil).
-    pub fn show_lean(&self, poses: &[Pose]) -> bool {
-        self.squares(poses) > freedom(self, &instruments(self))
-    }
-}
-
-fn instruments(ups: &Ups) -> Vec<usize> {
-    let mut instruments: Vec<usize> = ups.measured.iter().map(|up| up.instrument).collect();
-    instruments.dedup();
-    instruments
-}
-
-/// The degrees of freedom that they add: the vertical of each instrument is free.
-fn freedom(ups: &Ups, instruments: &[usize]) -> f64 {
-    AXES * (ups.measured.len() - instruments.len()) as f64
-}
 
 /// Gives up the weight beside the pairs that its disagreement with them asks for, at the solution of `graph`, and solves
 /// it again.
@@ -42,8 +22,10 @@ pub(crate) fn weigh_up(
     solver: &mut Solver,
     progress: &mut dyn FnMut(),
 ) -> Result<(), NotPositiveDefinite> {
-    let instruments = instruments(&graph.ups);
-    let freedom = freedom(&graph.ups, &instruments);
+    let mut instruments: Vec<usize> = graph.ups.measured.iter().map(|up| up.instrument).collect();
+    instruments.dedup();
+    // The vertical of each instrument is free.
+    let freedom = AXES * (graph.ups.measured.len() - instruments.len()) as f64;
     let mut alone = graph.clone();
     alone.ups.weight = 0.0;
     alone.optimise_again(inner_iterations, solver, progress)?;

@@ -65,21 +65,8 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 fn report(name: &str, source: &dyn Source, records: &Records) -> Result<(), Box<dyn Error>> {
     let truth = source.ground_truth().ok_or("no truth")?;
-    for (which, found) in [("online", records.online()), ("final", records.last())] {
-        report_of(&format!("{name} {which:6}"), truth, &found)?;
-    }
-    println!(
-        "{name}: {} keyframes, {} corrections, {} submaps, {} untracked",
-        records.n_keyframes(),
-        records.n_corrections(),
-        records.submaps().n(),
-        records.n_untracked()
-    );
-    Ok(())
-}
-
-fn report_of(name: &str, truth: &Trajectory, found: &Trajectory) -> Result<(), Box<dyn Error>> {
-    let Trajectory { stamps_nanos, poses } = found;
+    let found = records.last();
+    let Trajectory { stamps_nanos, poses } = &found;
     let ups: Vec<Vector3<f64>> = stamps_nanos
         .iter()
         .zip(poses)
@@ -91,7 +78,12 @@ fn report_of(name: &str, truth: &Trajectory, found: &Trajectory) -> Result<(), B
     let tilts: Vec<f64> = ups.iter().map(|up| up.angle(&ups[0]).to_degrees()).collect();
     let rms = (tilts.iter().map(|tilt| tilt * tilt).sum::<f64>() / tilts.len() as f64).sqrt();
     let end = tilts.last().copied().unwrap_or(f64::NAN);
-    let ate_m = evaluate(found, truth, &EvaluationOptions::default())?.ate_rmse_m;
-    println!("{name}: tilt {rms:.3} deg rms, {end:.3} deg at the end, ATE {ate_m:.4} m");
+    let ate_m = evaluate(&found, truth, &EvaluationOptions::default())?.ate_rmse_m;
+    println!(
+        "{name}: tilt {rms:.3} deg rms, {end:.3} deg at the end, ATE {ate_m:.4} m; {} keyframes, {} submaps, {} untracked",
+        records.n_keyframes(),
+        records.submaps().n(),
+        records.n_untracked()
+    );
     Ok(())
 }

@@ -67,7 +67,8 @@ fn the_last_pose_is_no_candidate_until_a_place_is_found() {
         let records = run.finish();
         let found: Vec<&FrameRecord> = records.frames().collect();
         assert_eq!(asked(found.iter().copied()), if asks { vec![58] } else { vec![] });
-        let first = found.iter().find(|frame| frame.state == State::Relocalising).expect("it is found");
+        // By the motion alone it is certain at once that a camera that stood still is where it was.
+        let first = found.iter().find(|frame| frame.reason().contains("found by")).expect("it is found");
         assert_eq!(first.reason().contains("found by the last pose"), !asks, "{}", first.reason());
         let truth = &source.ground_truth().unwrap().poses;
         for frame in found.iter().filter(|frame| frame.index >= 71) {

@@ -5,7 +5,6 @@
 //! of views ([`same_place`]), and a sequential test over views that are independent ([`sequential`]).
 
 pub(crate) mod contradiction;
-pub(crate) mod gravity;
 pub(crate) mod pose_agreement;
 pub(crate) mod same_place;
 pub(crate) mod same_place_table;

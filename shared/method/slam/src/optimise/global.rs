@@ -1,7 +1,7 @@
 //! Global optimisation (III-G; method 8) as a description for the one outer loop: all keyframes are
 //! free but the first of each component, and loops are weighed by graduated non-convexity.
 
-use crate::evidence::gravity::Gravity;
+use crate::optimise::gravity::Gravity;
 use crate::evidence::pose_agreement::FAR_M;
 use crate::evidence::sequential::TestVerdict;
 use crate::map::context::Context;

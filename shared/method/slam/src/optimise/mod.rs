@@ -5,6 +5,7 @@ pub(crate) mod association;
 pub(crate) mod culled;
 pub(crate) mod from_appearance;
 pub(crate) mod global;
+mod gravity;
 pub(crate) mod held;
 pub(crate) mod interpolation;
 mod judged_pair;

@@ -15,7 +15,6 @@ pub(crate) mod hypotheses;
 pub(crate) mod in_place;
 pub(crate) mod input;
 pub(crate) mod keyframe_test;
-pub(crate) mod lean;
 pub(crate) mod motion_model;
 pub(crate) mod observed;
 pub(crate) mod passing;

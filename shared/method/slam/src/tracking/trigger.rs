@@ -1,5 +1,5 @@
-//! Triggering the global optimisation (III-G): a loop closure in the window, a new keyframe that looks
-//! like an old one, or a map that leans.
+//! Triggering the global optimisation (III-G): a loop closure in the window, or a new keyframe that looks
+//! like an old one.
 
 use crate::map::appearance::similarity;
 use crate::map::detection::{self, Urgency};
@@ -9,7 +9,6 @@ use crate::pairs::matching::Reach;
 use crate::tracking::alignment::Aligner;
 use crate::tracking::in_place::{is_in_place, old_members};
 use crate::tracking::input::TrackingInput;
-use crate::tracking::lean;
 use crate::tracking::prediction::Reference;
 use crate::tracking::seen_pose::known_and_seen;
 use crate::tracking::sight::ENOUGH_FEATURES;
@@ -39,7 +38,7 @@ pub(crate) fn with_request(
         && record.change.new_keyframe.as_ref().is_some_and(|k| shows_drift(input, aligner, k, &record))
     {
         request(Urgency::Soon)
-    } else if sees_loop || (request(Urgency::Later).is_some() && lean::is_shown(input, &record)) {
+    } else if sees_loop {
         request(Urgency::Later)
     } else {
         None
