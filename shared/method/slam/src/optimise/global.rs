@@ -1,7 +1,6 @@
 //! Global optimisation (III-G; method 8) as a description for the one outer loop: all keyframes are
 //! free but the first of each component, and loops are weighed by graduated non-convexity.
 
-use crate::optimise::gravity::Gravity;
 use crate::evidence::pose_agreement::FAR_M;
 use crate::evidence::sequential::TestVerdict;
 use crate::map::context::Context;
@@ -11,6 +10,7 @@ use crate::map::submaps::{Submaps, gauges};
 use crate::map::surfaces::KeyframeSurfaces;
 use crate::optimise::association::{KeyframeAssociation, Keyframes};
 use crate::optimise::culled::{self, CulledKeyframes, RunFrames};
+use crate::optimise::gravity::Gravity;
 use crate::optimise::held::held;
 use crate::optimise::kept_matches::KeptMatches;
 use crate::optimise::matchables::Matchables;
