@@ -1,5 +1,6 @@
 //! Weights of [`PlaceEvidence`](crate::PlaceEvidence), fitted to pairs whose answer is known by the example
-//! `same_place` (docs/accuracy.md has the sequences and the check on others). Not edited by hand.
+//! `same_place` (docs/accuracy.md has the sequences and the check on others). Not edited by hand, but for the last table,
+//! which is that of an earlier fit.
 
 use crate::evidence::same_place::{WeightStep, WeightTable};
 
