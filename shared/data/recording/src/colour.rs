@@ -55,7 +55,7 @@ pub(super) fn choose(chunks: &Chunks, topics: &Topics, found: &FoundMessage, dep
     let Ok(size) = size(chunks, first) else {
         return choice(ColourUse::Registered, format!("{topic}, taken as registered to depth"));
     };
-    let own = colour_camera(chunks, topics, found);
+    let own = colour_camera(chunks, topics, found, size);
     let standing = |from: &str, to: &str| transforms::colour_from_depth(chunks, found, from, to);
     decide(Images { topic, size, own }, depth, standing)
 }
@@ -125,9 +125,14 @@ fn of_stated(topic: &str, size: (u32, u32), depth: &Camera, stated: &ColourCamer
     }
 }
 
-fn colour_camera(chunks: &Chunks, topics: &Topics, found: &FoundMessage) -> Option<RecordedCamera> {
+fn colour_camera(
+    chunks: &Chunks,
+    topics: &Topics,
+    found: &FoundMessage,
+    size: (u32, u32),
+) -> Option<RecordedCamera> {
     let (spot, topic) = found.colour_camera.as_ref().zip(topics.colour_camera.as_ref())?;
-    camera::of_colour(chunks, spot, topics.colour.as_deref()?, topic).ok()
+    camera::of_colour(chunks, spot, (topics.colour.as_deref()?, size), topic).ok()
 }
 
 /// Whether images of the same size are of one camera, as far as is known.

@@ -94,6 +94,21 @@ pub enum RecordingError {
         /// Which number.
         source: tessera_geometry::CameraError,
     },
+    /// Binning and region of interest that do not give the images.
+    #[error(
+        "{topic}: {}x{} px, of which binning and roi leave {}x{} px, expected {}x{} px as the images are; give --camera FILE",
+        whole.0, whole.1, sent.0, sent.1, found.0, found.1
+    )]
+    Window {
+        /// The topic.
+        topic: String,
+        /// Size of the images.
+        found: (u32, u32),
+        /// Size that the message states.
+        whole: (u32, u32),
+        /// Size after binning and region.
+        sent: (u32, u32),
+    },
     /// A message cannot be used.
     #[error("{topic}, message {number}: {problem}")]
     Message {

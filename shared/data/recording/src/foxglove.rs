@@ -7,6 +7,7 @@ use base64::engine::general_purpose::STANDARD;
 use prost::Message;
 use serde::{Deserialize, Deserializer};
 use std::borrow::Cow;
+use tessera_frames::SentWindow;
 
 /// A time: protobuf says `seconds` and `nanos`, JSON `sec` and `nsec`.
 #[derive(Clone, PartialEq, Message, Deserialize)]
@@ -128,5 +129,6 @@ pub(super) fn camera(form: Form, data: &[u8]) -> Result<CameraMessage, MessageEr
         distortion: camera.d,
         intrinsics: camera.k,
         projection: camera.p,
+        window: SentWindow::default(),
     })
 }

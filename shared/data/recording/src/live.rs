@@ -152,7 +152,8 @@ impl LiveCamera {
         let Some(recorded) = self.recorded.as_ref().filter(|recorded| recorded.camera == self.camera) else {
             return Ok(Change::None);
         };
-        let found = convert(&self.topic, info, self.camera.units_per_metre)?;
+        let size = (self.camera.width, self.camera.height);
+        let found = convert(&self.topic, info, self.camera.units_per_metre, Some(size))?;
         let change = difference(&recorded.camera, found.camera);
         Ok(match change {
             Change::None | Change::Small(_) if found.lens == recorded.lens => change,
@@ -234,13 +235,18 @@ fn choose(colour: Option<&LiveTopic<'_>>, depth: &colour::Depth<'_>, frames: &Fr
 
 fn recorded(of: &LiveTopic<'_>, units_per_metre: f64) -> Result<RecordedCamera, RecordingError> {
     let info = of.info.ok_or_else(|| RecordingError::NoCamera { topic: of.topic.to_owned() })?;
-    convert(of.topic, info, units_per_metre)
+    convert(of.topic, info, units_per_metre, camera::image_size(&of.image.0))
 }
 
-fn convert(topic: &str, info: &[u8], units_per_metre: f64) -> Result<RecordedCamera, RecordingError> {
+fn convert(
+    topic: &str,
+    info: &[u8],
+    units_per_metre: f64,
+    size: Option<(u32, u32)>,
+) -> Result<RecordedCamera, RecordingError> {
     let wrong = |problem| RecordingError::Message { topic: topic.to_owned(), number: 1, problem };
     let said = ros::camera(info).map_err(wrong)?;
-    camera::convert(&said, units_per_metre, topic.contains("rect"), topic)
+    camera::convert(&said, units_per_metre, (topic.contains("rect"), size), topic)
 }
 
 #[cfg(test)]
@@ -265,6 +271,8 @@ mod tests {
             k: [fx, 0.0, cx, 0.0, fx, cy, 0.0, 0.0, 1.0],
             r: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
             p: [fx, 0.0, cx, 0.0, 0.0, fx, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
+            binning: [0; 2],
+            region: Default::default(),
         })
         .unwrap()
     }

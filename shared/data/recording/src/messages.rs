@@ -4,6 +4,7 @@ use crate::container::Channel;
 use crate::error::MessageError;
 use crate::{foxglove, librealsense, ros, ros1};
 use std::borrow::Cow;
+use tessera_frames::SentWindow;
 
 /// Bytes of an Imu message at most: 37 numbers of 8 bytes behind a header.
 const IMU_BYTES: u64 = 1024;
@@ -141,6 +142,8 @@ pub(super) struct CameraMessage {
     pub(super) intrinsics: Vec<f64>,
     /// Of the rectified image, 3x4 row by row.
     pub(super) projection: Vec<f64>,
+    /// What of the camera's image is sent.
+    pub(super) window: SentWindow,
 }
 
 /// Reads an image.

@@ -56,6 +56,12 @@ pub(super) fn depth(
     Ok(counted.check()?)
 }
 
+/// The picture of a depth image in a file: behind the header of `compressedDepth`, if it has one.
+pub(super) fn picture_of_depth(data: &[u8]) -> &[u8] {
+    let inside = data.get(COMPRESSED_DEPTH_HEADER..).filter(|inside| inside.starts_with(PNG));
+    inside.unwrap_or(data)
+}
+
 /// A PNG of depth; behind the header of `compressedDepth` a PNG or RVL, which may hold inverse depth.
 fn compressed_depth(
     data: &[u8],

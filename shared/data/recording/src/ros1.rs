@@ -7,6 +7,7 @@ use crate::imu::ImuFields;
 use crate::messages::{CameraMessage, ImageForm, ImageMessage, nanos};
 use crate::ros::{BIG_ENDIAN, Extrinsics, RosPose};
 use std::borrow::Cow;
+use tessera_frames::SentWindow;
 
 /// Most numbers of an array that is read: no distortion has more coefficients.
 const MOST_REALS: usize = 64;
@@ -131,7 +132,11 @@ pub(crate) fn camera(data: &[u8]) -> Result<CameraMessage, MessageError> {
     let intrinsics = fields.reals(9)?;
     let _rectification = fields.reals(9)?;
     let projection = fields.reals(12)?;
-    Ok(CameraMessage { frame, width, height, model, distortion, intrinsics, projection })
+    let binning = [fields.word()?, fields.word()?];
+    let first = [fields.word()?, fields.word()?];
+    let (rows, columns) = (fields.word()?, fields.word()?);
+    let window = SentWindow { binning, first, size: [columns, rows] };
+    Ok(CameraMessage { frame, width, height, model, distortion, intrinsics, projection, window })
 }
 
 /// Parent, child and `parent_from_child` of each transform of a message.

@@ -127,3 +127,27 @@ fn a_camera_is_scaled_about_the_edge_of_its_image() {
     assert_eq!(half.intrinsics, [300.0, 300.0, 159.5, 119.5]);
     assert_eq!(whole.scaled_to((640, 360)), None);
 }
+
+#[test]
+fn binning_and_region_of_a_camera_info() {
+    let calibration = "image_width: 640\nimage_height: 480\ncamera_matrix:\n  rows: 3\n  cols: 3\n  data: [615., 0, 321, 0, 616, 244, 0, 0, 1]\n";
+    let binned = format!("{calibration}binning_x: 2\nbinning_y: 2\n");
+    let found = stated("camera.yaml", &binned);
+    assert_eq!((found.size, found.intrinsics), (Some((320, 240)), [307.5, 308.0, 160.25, 121.75]));
+    let roi = "binning_x: 0\nbinning_y: 0\nroi:\n  x_offset: 160\n  y_offset: 120\n  height: 240\n  width: 320\n  do_rectify: false\n";
+    let found = stated("camera.yaml", &format!("{calibration}{roi}"));
+    assert_eq!((found.size, found.intrinsics), (Some((320, 240)), [615.0, 616.0, 161.0, 124.0]));
+    // As `ros2 topic echo --once` prints it, and `rostopic echo` of ROS 1.
+    let list = |values: &[f64]| values.iter().map(|value| format!("- {value}\n")).collect::<String>();
+    let k = [615.0, 0.0, 321.0, 0.0, 616.0, 244.0, 0.0, 0.0, 1.0];
+    let head = "header:\n  stamp:\n    sec: 5\n    nanosec: 7\n  frame_id: depth\nheight: 480\nwidth: 640\ndistortion_model: plumb_bob\n";
+    let echo = format!("{head}d:\n{}k:\n{}{roi}---\n", list(&[0.1, -0.2, 0.0, 0.0, 0.3]), list(&k));
+    let found = stated("camera.yaml", &echo);
+    assert_eq!((found.size, found.intrinsics), (Some((320, 240)), [615.0, 616.0, 161.0, 124.0]));
+    assert_eq!(found.distortion, [0.1, -0.2, 0.0, 0.0, 0.3]);
+    let echo = format!("{head}D: [0.0, 0.0, 0.0, 0.0, 0.0]\nK: {k:?}\nbinning_x: 0\nbinning_y: 0\n---\n");
+    let found = stated("camera.yaml", &echo);
+    assert_eq!((found.size, found.intrinsics), (Some((640, 480)), FOUR));
+    let words = refusal("camera.yaml", &binned.replace("binning_x: 2", "binning_x: two"));
+    assert!(words.contains("binning_x is 'two', expected a whole number"), "{words}");
+}

@@ -3,7 +3,7 @@
 //! Of YAML it takes `key: value` and lists of numbers, wherever they stand; that is all these files use.
 
 use super::{StatedCamera, side, units_of_scale};
-use crate::{OtherLens, StatedLens};
+use crate::{OtherLens, SentWindow, StatedLens};
 
 /// `key: value` of a text, with the lists of numbers that follow a key.
 struct Keys<'a>(Vec<(&'a str, String)>);
@@ -14,7 +14,7 @@ impl<'a> Keys<'a> {
         for line in text.lines() {
             let line = line.split(" #").next().unwrap_or_default();
             let inner = line.trim().trim_start_matches("- ");
-            if inner.starts_with(['#', '%']) {
+            if inner.starts_with(['#', '%']) || inner == "---" {
                 continue;
             }
             match inner.split_once(':') {
@@ -44,6 +44,20 @@ impl<'a> Keys<'a> {
 
     fn numbers(&self, key: &str) -> Vec<f64> {
         numbers(self.text(key).unwrap_or_default())
+    }
+
+    /// A whole number of `key`, inside `table` if one is named; 0 where there is none.
+    fn whole(&self, table: Option<&str>, key: &str) -> Result<u32, String> {
+        let known = |name: &str| self.0.iter().position(|(known, _)| known.eq_ignore_ascii_case(name));
+        let Some(begin) = table.map_or(Some(0), known) else { return Ok(0) };
+        let inside = self.0.get(begin..).unwrap_or_default();
+        match inside.iter().find(|(known, _)| known.eq_ignore_ascii_case(key)) {
+            None => Ok(0),
+            Some((_, value)) => {
+                let words = || format!("{key} is '{value}', expected a whole number of pixels");
+                value.parse().map_err(|_| words())
+            }
+        }
     }
 
     /// The numbers of `data` inside the table `key`.
@@ -76,17 +90,36 @@ pub(super) fn parse(text: &str) -> Result<Option<StatedCamera>, String> {
     }
 }
 
-/// `camera_matrix`, `image_width`; of a rectified image the projection says the same in its file.
+/// `camera_matrix`, `image_width`, or a CameraInfo as `ros2 topic echo` prints it; of a rectified image the
+/// projection says the same in its file.
 fn ros(keys: &Keys<'_>) -> Result<Option<StatedCamera>, String> {
-    let [fx, _, cx, _, fy, cy, 0.0, 0.0, 1.0] = keys.data("camera_matrix")[..] else { return Ok(None) };
-    let (distortion, lens) = distortion(
-        keys.text("distortion_model").unwrap_or("plumb_bob"),
-        &keys.data("distortion_coefficients"),
-    )?;
+    let is_echo = keys.text("camera_matrix").is_none();
+    let [matrix, coefficients, width, height] = match is_echo {
+        true => ["k", "d", "width", "height"],
+        false => ["camera_matrix", "distortion_coefficients", "image_width", "image_height"],
+    };
+    let numbers = |key| if is_echo { keys.numbers(key) } else { keys.data(key) };
+    let [fx, _, cx, _, fy, cy, 0.0, 0.0, 1.0] = numbers(matrix)[..] else { return Ok(None) };
+    let model = keys.text("distortion_model").filter(|model| !model.is_empty()).unwrap_or("plumb_bob");
+    let (distortion, lens) = distortion(model, &numbers(coefficients))?;
+    let region = |key| keys.whole(Some("roi"), key);
+    let window = SentWindow {
+        binning: [keys.whole(None, "binning_x")?, keys.whole(None, "binning_y")?],
+        first: [region("x_offset")?, region("y_offset")?],
+        size: [region("width")?, region("height")?],
+    };
+    let intrinsics = [fx, fy, cx, cy];
+    let (size, intrinsics) = match size(keys.number(width), keys.number(height)) {
+        Some(whole) => {
+            let (size, intrinsics) = window.of(whole, intrinsics);
+            (Some(size), intrinsics)
+        }
+        None => (None, intrinsics),
+    };
     Ok(Some(StatedCamera {
         form: "ROS camera_info",
-        size: size(keys.number("image_width"), keys.number("image_height")),
-        intrinsics: [fx, fy, cx, cy],
+        size,
+        intrinsics,
         distortion,
         lens,
         units_per_metre: None,

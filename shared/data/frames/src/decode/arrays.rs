@@ -1,16 +1,15 @@
-//! Depth as PGM of 16 bits, and as an array of numpy: integers in the camera's units, floats in metres.
+//! Depth as an array of numpy: integers in the camera's units, floats in metres.
 
 use super::{MetresDepth, check_size, damaged};
 use crate::ImageError;
 
-const PGM: &[u8] = b"P5";
 const NPY: &[u8] = b"\x93NUMPY";
-/// Longest header of either.
+/// Longest header.
 const MOST_HEADER: usize = 4096;
 
-/// Whether these bytes begin one of both.
+/// Whether these bytes begin one.
 pub(super) fn is(bytes: &[u8]) -> bool {
-    bytes.starts_with(NPY) || (bytes.starts_with(PGM) && bytes.get(2).is_some_and(u8::is_ascii_whitespace))
+    bytes.starts_with(NPY)
 }
 
 /// The pixels of a file.
@@ -38,12 +37,11 @@ impl ArrayKind {
 }
 
 fn open(bytes: &[u8]) -> Result<ArrayPixels<'_>, ImageError> {
-    let pixels = if bytes.starts_with(NPY) { npy(bytes)? } else { pgm(bytes)? };
+    let pixels = npy(bytes)?;
     let n_pixels = (pixels.size.0 as usize).saturating_mul(pixels.size.1 as usize);
     let expected = n_pixels.saturating_mul(pixels.kind.n_bytes());
     if pixels.data.len() < expected {
-        let format = if bytes.starts_with(NPY) { "NPY" } else { "PGM" };
-        return Err(damaged(format, &format!("{} bytes of pixels, expected {expected}", pixels.data.len())));
+        return Err(damaged("NPY", &format!("{} bytes of pixels, expected {expected}", pixels.data.len())));
     }
     Ok(pixels)
 }
@@ -84,35 +82,6 @@ fn metres(bytes: &[u8], is_big_endian: bool) -> f64 {
         (None, Some(value), false) => f64::from(f32::from_le_bytes(*value)),
         (None, None, _) => f64::NAN,
     }
-}
-
-/// `P5 width height maximum`, separated by white space and comments, then pixels, the higher byte first.
-fn pgm(bytes: &[u8]) -> Result<ArrayPixels<'_>, ImageError> {
-    let wrong = |found: &str| damaged("PGM", &format!("its head has {found}"));
-    let mut left = bytes.get(PGM.len()..).unwrap_or_default();
-    let mut numbers = [0_u32; 3];
-    for number in &mut numbers {
-        loop {
-            left = left.trim_ascii_start();
-            if !left.starts_with(b"#") {
-                break;
-            }
-            let end = left.iter().position(|byte| *byte == b'\n').ok_or_else(|| wrong("no end"))?;
-            left = left.get(end..).unwrap_or_default();
-        }
-        let n = left.iter().take(10).take_while(|byte| byte.is_ascii_digit()).count();
-        let (digits, rest) = left.split_at_checked(n).unwrap_or_default();
-        let digits = std::str::from_utf8(digits).unwrap_or_default();
-        *number = digits.parse().map_err(|_| wrong("no three numbers"))?;
-        left = rest;
-    }
-    let [width, height, most] = numbers;
-    if most <= 255 {
-        let found = "1 channel of 8 bits".to_owned();
-        return Err(ImageError::Pixels { what: "depth", found, expected: super::NO_PICTURE });
-    }
-    let data = left.get(1..).unwrap_or_default();
-    Ok(ArrayPixels { size: (width, height), kind: ArrayKind::Whole { is_big_endian: true }, data })
 }
 
 /// A version, the length of the header, and a dictionary of Python: `descr`, `fortran_order`, `shape`.
@@ -195,18 +164,6 @@ mod tests {
         }
         for end in 0..array.len() {
             assert!(read(&array[..end]).is_err(), "cut at {end}");
-        }
-    }
-
-    #[test]
-    fn pgm_has_the_higher_byte_first() {
-        let whole: Vec<u8> = (1..7_u16).flat_map(|raw| (raw * 300).to_be_bytes()).collect();
-        let file = [b"P5\n# a camera\n3 2\n65535\n", &whole[..]].concat();
-        assert_eq!(read(&file), Ok([300, 600, 900, 1200, 1500, 1800]));
-        let eight = [b"P5 3 2 255\n", &whole[..]].concat();
-        assert!(read(&eight).unwrap_err().contains("1 channel of 8 bits, expected 1 channel of 16"));
-        for end in 0..file.len() {
-            assert!(read(&file[..end]).is_err(), "cut at {end}");
         }
     }
 }

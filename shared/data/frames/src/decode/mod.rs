@@ -1,9 +1,11 @@
-//! Images into the caller's memory: PNG, TIFF, PGM, NPY or OpenEXR for depth, PNG, JPEG, WebP, BMP or TIFF for colour.
+//! Images into the caller's memory: PNG, TIFF, PGM, NPY or OpenEXR for depth, PNG, JPEG, WebP, BMP, TIFF
+//! or PPM for colour.
 
 mod arrays;
 mod bmp;
 mod exr;
 mod metres;
+mod netpbm;
 mod tif;
 mod webp;
 
@@ -22,7 +24,7 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 const MOST_BYTES: usize = 512 << 20;
 /// The forms that are read, for people.
 const DEPTH_FORMS: &str = "a PNG, TIFF, PGM, NPY or OpenEXR of depth";
-const COLOUR_FORMS: &str = "a PNG, JPEG, WebP, BMP or TIFF";
+const COLOUR_FORMS: &str = "a PNG, JPEG, WebP, BMP, TIFF, PPM or PGM";
 const JPEG: &[u8] = &[0xff, 0xd8];
 const JPEG_END: &[u8] = &[0xff, 0xd9];
 /// Bytes at the end of a file that hold its end marker.
@@ -37,6 +39,9 @@ pub fn depth_in(
 ) -> Result<(), ImageError> {
     if arrays::is(bytes) {
         return arrays::depth(bytes, size, units_per_metre, depth_raw);
+    }
+    if netpbm::is(bytes) {
+        return netpbm::depth(bytes, size, depth_raw);
     }
     if tif::is(bytes) {
         return tif::depth(bytes, size, units_per_metre, depth_raw);
@@ -85,6 +90,9 @@ pub fn size(bytes: &[u8]) -> Result<(u32, u32), ImageError> {
     }
     if arrays::is(bytes) {
         return arrays::size(bytes);
+    }
+    if netpbm::is(bytes) {
+        return netpbm::size(bytes);
     }
     if tif::is(bytes) {
         return tif::size(bytes);
@@ -136,7 +144,7 @@ fn check_marks(head: &[u8], tail: &[u8], n_bytes: u64) -> Result<(), ImageError>
         ("JPEG", JPEG_END)
     } else if webp::is(head) {
         return webp::check_length(head, n_bytes);
-    } else if bmp::is(head) || arrays::is(head) || tif::is(head) || exr::is(head) {
+    } else if [bmp::is, arrays::is, netpbm::is, tif::is, exr::is].iter().any(|is| is(head)) {
         // These have no end marker; its length is checked as it is read.
         return Ok(());
     } else {
@@ -148,7 +156,7 @@ fn check_marks(head: &[u8], tail: &[u8], n_bytes: u64) -> Result<(), ImageError>
     }
 }
 
-/// Decodes a colour or grey PNG, JPEG, WebP, BMP or TIFF as red, green, blue.
+/// Decodes a colour or grey PNG, JPEG, WebP, BMP, TIFF, PPM or PGM as red, green, blue.
 pub fn colour(bytes: &[u8], size: (u32, u32), rgb: &mut [u8]) -> Result<(), ImageError> {
     if is_png(bytes) {
         let mut png = Png::open(bytes)?;
@@ -163,6 +171,9 @@ pub fn colour(bytes: &[u8], size: (u32, u32), rgb: &mut [u8]) -> Result<(), Imag
     }
     if webp::is(bytes) {
         return webp::read(bytes, size, rgb);
+    }
+    if netpbm::is(bytes) {
+        return netpbm::colour(bytes, size, rgb);
     }
     if tif::is(bytes) {
         return tif::colour(bytes, size, rgb);
@@ -264,9 +275,14 @@ fn is_png(bytes: &[u8]) -> bool {
 /// What some bytes begin, for people: lists of depth and colour that were swapped are common, and so are
 /// files that were never downloaded.
 fn kind_of(bytes: &[u8]) -> String {
-    const KINDS: [(&[u8], &str); 5] = [
+    const KINDS: [(&[u8], &str); 10] = [
         (JPEG, "a JPEG (is it a colour image?)"),
         (b"GIF8", "a GIF"),
+        (b"P1", "a PBM of 1 bit"),
+        (b"P4", "a PBM of 1 bit"),
+        (b"P7", "a PAM (pamtopng of Netpbm converts it)"),
+        (b"Pf", "a PFM of floats (as NPY: numpy.save of the array)"),
+        (b"PF", "a PFM of floats (as NPY: numpy.save of the array)"),
         (b"version https://git-lfs", "a pointer of Git LFS instead of the image (git lfs pull fetches it)"),
         (b"<!DOCTYPE", "a web page"),
         (b"<html", "a web page"),

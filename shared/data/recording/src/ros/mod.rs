@@ -19,6 +19,6 @@ pub use results::{
 };
 pub use structs::{
     CameraInfo, CompressedImage, Extrinsics, Header, Image, Imu, Path, PointCloud, PointField, PoseStamped,
-    RosPose, Time, TransformStamped, Transforms,
+    RegionOfInterest, RosPose, Time, TransformStamped, Transforms,
 };
 pub use write::encode;

@@ -7,6 +7,7 @@ use crate::messages::{CameraMessage, ImageForm, ImageMessage};
 use re_cdr::{BigEndian, LittleEndian, from_bytes};
 use serde::Deserialize;
 use std::borrow::Cow;
+use tessera_frames::SentWindow;
 
 /// Bytes up to the end of a message's time: encapsulation, seconds, nanoseconds.
 pub(crate) const STAMP_BYTES: u64 = 12;
@@ -92,6 +93,11 @@ pub(crate) fn camera(data: &[u8]) -> Result<CameraMessage, MessageError> {
         distortion: info.d,
         intrinsics: info.k.to_vec(),
         projection: info.p.to_vec(),
+        window: SentWindow {
+            binning: info.binning,
+            first: [info.region.x_offset, info.region.y_offset],
+            size: [info.region.width, info.region.height],
+        },
     })
 }
 

@@ -76,7 +76,7 @@ pub struct CompressedImage<'a> {
     pub data: &'a [u8],
 }
 
-/// `sensor_msgs/msg/CameraInfo` up to the projection; binning and region follow and are not read.
+/// `sensor_msgs/msg/CameraInfo`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CameraInfo<'a> {
     /// Time and frame.
@@ -97,6 +97,25 @@ pub struct CameraInfo<'a> {
     pub r: [f64; 9],
     /// Projection matrix of the rectified images, by rows.
     pub p: [f64; 12],
+    /// Columns and rows that were combined into one; 0 is 1.
+    pub binning: [u32; 2],
+    /// Part of the camera's image that is sent.
+    pub region: RegionOfInterest,
+}
+
+/// `sensor_msgs/msg/RegionOfInterest`, pixels before binning; without columns or rows it is the whole image.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RegionOfInterest {
+    /// First column.
+    pub x_offset: u32,
+    /// First row.
+    pub y_offset: u32,
+    /// Rows.
+    pub height: u32,
+    /// Columns.
+    pub width: u32,
+    /// Whether it is of the rectified image.
+    pub do_rectify: bool,
 }
 
 /// `sensor_msgs/msg/Imu`. Of a quantity that was not measured the first variance is -1.

@@ -50,6 +50,8 @@ fn info(topic: &'static str, frame: &str, (width, height): (u32, u32), model: &s
         k: [f, 0.0, cx, 0.0, f, cy, 0.0, 0.0, 1.0],
         r: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
         p: [f, 0.0, cx, 0.0, 0.0, f, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
+        binning: [0; 2],
+        region: Default::default(),
     };
     Topic { topic, schema: INFO, data: encoded(&info) }
 }

@@ -68,7 +68,7 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
     let colour_folder = colour_folder(folder, &depth_folder);
     let mut colour = match &colour_folder {
         Some(name) => {
-            NamedImages::of(folder, name, &["jpg", "jpeg", "png", "bmp", "webp", "tif", "tiff"], asked)?
+            NamedImages::of(folder, name, &["jpg", "jpeg", "png", "bmp", "webp", "tif", "tiff", "ppm", "pgm"], asked)?
         }
         None => NamedImages::default(),
     };
