@@ -81,6 +81,27 @@ impl PairedImages {
 /// Share of frames without colour from which on it is stated.
 const MOST_UNCOLOURED: f64 = 0.5;
 
+/// Share of the frames that may be without colour one behind the other, and frames that always may.
+const MOST_IN_A_ROW: (f64, usize) = (0.1, 5);
+
+/// A sentence on the longest stretch without colour, as a list that was cut leaves it.
+fn stretch_without(partners: &[Option<usize>]) -> Option<String> {
+    let with: Vec<usize> =
+        (0..partners.len()).filter(|at| matches!(partners.get(*at), Some(Some(_)))).collect();
+    let begins = std::iter::once(0).chain(with.iter().map(|at| at.saturating_add(1)));
+    let ends = with.iter().copied().chain([partners.len()]);
+    let (begin, end) = begins.zip(ends).max_by_key(|(begin, end)| end.saturating_sub(*begin))?;
+    let n = end.saturating_sub(begin);
+    let is_long = n > MOST_IN_A_ROW.1 && n as f64 > MOST_IN_A_ROW.0 * partners.len() as f64;
+    is_long.then(|| {
+        let last = end.saturating_sub(1);
+        format!(
+            "frames {begin} to {last} of {} have no colour: no colour image is near them in time",
+            partners.len()
+        )
+    })
+}
+
 /// A sentence on frames without colour where there are many, or none has any; `reason`: why there are
 /// no colour images.
 pub fn uncoloured(
@@ -91,7 +112,7 @@ pub fn uncoloured(
 ) -> Option<String> {
     let (n, n_without) = (partners.len(), partners.iter().filter(|partner| partner.is_none()).count());
     if n == 0 || (n_without as f64) <= MOST_UNCOLOURED * n as f64 {
-        return None;
+        return stretch_without(partners);
     }
     let who = if n_without == n {
         "no frame has colour".to_owned()
@@ -231,5 +252,19 @@ mod tests {
         assert_eq!(sentence(&depth[..5], None), None, "half of the rate");
         assert_eq!(sentence(&[], None).unwrap(), "no frame has colour: there are no colour images");
         assert_eq!(sentence(&[], Some("it is a video")).unwrap(), "no frame has colour: it is a video");
+    }
+
+    #[test]
+    fn a_long_stretch_without_colour_is_stated() {
+        let words = |n_with: usize, n: usize| {
+            let partners: Vec<_> = (0..n).map(|k| (k < n_with).then_some(k)).collect();
+            let stamps: Vec<i64> = (0..n as i64).map(|k| k * 33_000_000).collect();
+            uncoloured(&stamps, &stamps[..n_with], &partners, None)
+        };
+        assert!(words(13, 24).unwrap().starts_with("frames 13 to 23 of 24 have no colour: no colour image"));
+        assert_eq!((words(24, 24), words(20, 24), words(190, 200)), (None, None, None));
+        // Colour at half the rate.
+        let half: Vec<_> = (0..100).map(|k| (k % 2 == 0).then_some(k / 2)).collect();
+        assert_eq!(uncoloured(&[0; 100], &[0; 50], &half, None), None);
     }
 }

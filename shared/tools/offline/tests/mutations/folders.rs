@@ -33,9 +33,9 @@ impl Fault {
     }
 }
 
-const CAMERA_JSON: &str = "{\n\"width\": 160,\n\"height\": 120,\n\"intrinsic_matrix\": [131.25, 0, 0, 0, 131.25, 0, 79.5, 59.5, 1],\n\"depth_scale\": 1000.0,\n\"fps\": 30.0\n}\n";
-const CAMERA_YAML: &str = "image_width: 160\nimage_height: 120\ncamera_name: depth\ncamera_matrix:\n  rows: 3\n  cols: 3\n  data: [131.25, 0, 79.5, 0, 131.25, 59.5, 0, 0, 1]\ndistortion_model: plumb_bob\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [0, 0, 0, 0, 0]\n";
-const INFO: &str = "m_depthWidth = 160\nm_depthHeight = 120\nm_depthShift = 1000\nm_calibrationDepthIntrinsic = 131.25 0 79.5 0 0 131.25 59.5 0 0 0 1 0 0 0 0 1\n";
+const CAMERA_JSON: &str = "{\n\"width\": 320,\n\"height\": 240,\n\"intrinsic_matrix\": [262.5, 0, 0, 0, 262.5, 0, 159.5, 119.5, 1],\n\"depth_scale\": 1000.0,\n\"fps\": 30.0\n}\n";
+const CAMERA_YAML: &str = "image_width: 320\nimage_height: 240\ncamera_name: depth\ncamera_matrix:\n  rows: 3\n  cols: 3\n  data: [262.5, 0, 159.5, 0, 262.5, 119.5, 0, 0, 1]\ndistortion_model: plumb_bob\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [0, 0, 0, 0, 0]\n";
+const INFO: &str = "m_depthWidth = 320\nm_depthHeight = 240\nm_depthShift = 1000\nm_calibrationDepthIntrinsic = 262.5 0 159.5 0 0 262.5 119.5 0 0 0 1 0 0 0 0 1\n";
 
 pub(super) fn all(frames: &[Simulated]) -> Vec<ValidFolder> {
     let images = |depth: &dyn Fn(usize) -> String, colour: &dyn Fn(usize) -> String| {
@@ -116,19 +116,17 @@ impl ValidFolder {
         let (file, before) = &self.images[chance.below(self.images.len())];
         let (inside, name) =
             file.rsplit_once('/').map_or(("", file.as_str()), |(inside, name)| (inside, name));
-        let other = |chance: &mut SplitMix64| self.images[chance.below(self.images.len())].1.clone();
         let renamed = |name: String| {
             let full = if inside.is_empty() { name } else { format!("{inside}/{name}") };
             let is_taken = self.images.iter().any(|(known, _)| *known == full);
             (!is_taken).then(|| (full, before.clone()))
         };
-        let after = match chance.below(7) {
+        let after = match chance.below(6) {
             0 => Some(renamed(format!("copy of {name}"))?),
             1 => Some(renamed(name.replace('0', "9"))?),
             2 => Some(renamed(name.replacen('.', "_small.", 1))?),
             3 => Some(renamed(format!("1{name}"))?),
-            4 => Some((file.clone(), other(chance))),
-            5 => {
+            4 => {
                 let mut bytes = before.clone();
                 let at = chance.below(bytes.len().min(60));
                 bytes[at] ^= 1 << chance.below(8);
@@ -137,7 +135,7 @@ impl ValidFolder {
             _ => None,
         };
         let words = match &after {
-            Some((name, bytes)) if name == file => format!("{file} has {} other bytes", bytes.len()),
+            Some((name, _)) if name == file => format!("a bit of the head of {file} is another"),
             Some((name, _)) => format!("{file} became {name}"),
             None => format!("{file} is gone"),
         };
