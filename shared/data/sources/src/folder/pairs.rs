@@ -2,6 +2,7 @@
 
 use super::files::Files;
 use super::list::ListEntry;
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 /// Colour images that are there; a warning on the others. A frame goes without its colour.
@@ -20,6 +21,14 @@ pub(super) fn that_are_there(
         ));
     }
     there
+}
+
+/// A warning on a depth image that is listed at two times: at one of them the camera was elsewhere.
+pub(super) fn listed_twice(depth: &[ListEntry]) -> Option<String> {
+    let mut seen = BTreeSet::new();
+    let again: Vec<&ListEntry> = depth.iter().filter(|entry| !seen.insert(&entry.file)).collect();
+    let first = again.first()?.file.display();
+    Some(format!("{} depth images are listed at more than one time, the first: {first}", again.len()))
 }
 
 /// Confidence images of the first `n` frames that are there; a warning on the others.

@@ -67,9 +67,12 @@ pub(super) fn read(folder: &Path, asked: &Asked) -> Result<FoundLayout, SourceEr
     let mut depth = NamedImages::of(folder, &depth_folder, &DEPTH_ENDS, asked)?;
     let colour_folder = colour_folder(folder, &depth_folder);
     let mut colour = match &colour_folder {
-        Some(name) => {
-            NamedImages::of(folder, name, &["jpg", "jpeg", "png", "bmp", "webp", "tif", "tiff", "ppm", "pgm"], asked)?
-        }
+        Some(name) => NamedImages::of(
+            folder,
+            name,
+            &["jpg", "jpeg", "png", "bmp", "webp", "tif", "tiff", "ppm", "pgm"],
+            asked,
+        )?,
         None => NamedImages::default(),
     };
     let moved = colour.moved_to(&mut depth);

@@ -97,3 +97,25 @@ fn a_fisheye_is_taken_out_of_depth_and_of_the_colour_that_is_registered_to_it() 
         assert!((found.0 - expected).abs() <= 0.51 && found.0 == found.1, "{column}: {found:?} {expected}");
     }
 }
+
+#[test]
+fn a_depth_image_that_is_listed_at_two_times_is_named() {
+    let folder = Folder::new();
+    (0..6).for_each(|k| folder.depth(&format!("{k}.png"), 1500 + k));
+    let lines = |names: [u16; 6]| -> String {
+        names
+            .iter()
+            .enumerate()
+            .map(|(k, name)| format!("{:.2} {name}.png\n", 1.0 + k as f64 / 30.0))
+            .collect()
+    };
+    folder.write("camera.toml", CAMERA);
+    folder.write("depth.txt", lines([0, 1, 2, 3, 4, 2]));
+    let warnings = folder.open().warnings().join("\n");
+    assert!(
+        warnings.contains("1 depth images are listed at more than one time, the first: 2.png"),
+        "{warnings}"
+    );
+    folder.write("depth.txt", lines([0, 1, 2, 3, 4, 5]));
+    assert!(!folder.open().warnings().join("\n").contains("listed"));
+}
