@@ -260,7 +260,11 @@ mod tests {
         Header { stamp: Time { sec: 3, nanosec: 5 }, frame_id: frame.into() }
     }
 
-    fn info(frame: &str, (width, height): (u32, u32), fx: f64) -> Vec<u8> {
+    fn info(frame: &str, size: (u32, u32), fx: f64) -> Vec<u8> {
+        binned_info(frame, size, fx, [0; 2])
+    }
+
+    fn binned_info(frame: &str, (width, height): (u32, u32), fx: f64, binning: [u32; 2]) -> Vec<u8> {
         let (cx, cy) = (f64::from(width - 1) / 2.0, f64::from(height - 1) / 2.0);
         encode(&CameraInfo {
             header: header(frame),
@@ -271,7 +275,7 @@ mod tests {
             k: [fx, 0.0, cx, 0.0, fx, cy, 0.0, 0.0, 1.0],
             r: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
             p: [fx, 0.0, cx, 0.0, 0.0, fx, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
-            binning: [0; 2],
+            binning,
             region: Default::default(),
         })
         .unwrap()
@@ -314,6 +318,18 @@ mod tests {
         let live = LiveCamera::new(&none, None, &FrameTree::default(), Some(&given)).unwrap();
         live.read_depth(&depth, &mut raw).unwrap();
         assert_eq!((raw[0], live.compare(&info("d", SIZE, 25.0)).unwrap()), (1500, Change::None));
+    }
+
+    #[test]
+    fn a_binned_camera_has_the_numbers_of_its_images() {
+        let metres: Vec<u8> = (0..320).flat_map(|_| 1.5f32.to_le_bytes()).collect();
+        let (depth, halved) = (image(SIZE, "32FC1", &metres), binned_info("d", (40, 32), 40.0, [2; 2]));
+        let depth = read(&depth);
+        let topic = LiveTopic { topic: "/depth", image: &depth, info: Some(&halved) };
+        let live = LiveCamera::new(&topic, None, &FrameTree::default(), None).unwrap();
+        let Camera { width, height, fx, cx, cy, .. } = *live.camera();
+        assert_eq!((width, height, fx, cx, cy), (20, 16, 20.0, 9.5, 7.5));
+        assert_eq!(live.compare(&halved).unwrap(), Change::None);
     }
 
     #[test]
