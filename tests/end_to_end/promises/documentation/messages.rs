@@ -145,6 +145,11 @@ fn of_recordings(told: &mut Told) {
     found(told, &|r| r.write("depth.txt", "0 depth/0.png\n0 depth/1.png\n0 depth/2.png\n"));
     found(told, &|r| r.write("groundtruth.txt", "0 0 0 0 0 0 0 1\n1 nan 0 0 0 0 0 1\n"));
     found(told, &|r| std::fs::remove_file(r.path("rgb.txt")).unwrap());
+    found(told, &|r| {
+        let line = |k: u64, n: u64| format!("{:.3} depth/{}.png\n", k as f64 / 30.0, k % n);
+        r.write("depth.txt", &(0..14).map(|k| line(k, N_FRAMES)).collect::<String>());
+        r.write("rgb.txt", &(0..8).map(|k| line(k, 1)).collect::<String>());
+    });
     check(told, &|r| {
         let whole = std::fs::read(r.path("depth/0.png")).unwrap();
         for index in 0..N_FRAMES {

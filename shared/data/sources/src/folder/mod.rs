@@ -124,8 +124,7 @@ impl FolderSource {
         warnings.extend(colour_images.warning.clone());
         let colour = if colour_images.is_used { colour } else { Vec::new() };
         let (stamps, colour_stamps) = (stamps_of(&depth), stamps_of(&colour));
-        warnings.extend(long_pause(&stamps));
-        warnings.extend(pairs::listed_twice(&depth));
+        warnings.extend(long_pause(&stamps).into_iter().chain(pairs::listed_twice(&depth)));
         let mut pairs = pair(&stamps, &colour_stamps);
         depth.truncate(frames.map_or(usize::MAX, |n| usize::try_from(n).unwrap_or(usize::MAX)));
         pairs.truncate(depth.len());
