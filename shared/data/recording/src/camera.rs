@@ -52,7 +52,7 @@ pub(super) fn units_per_metre(image: &ImageMessage<'_>) -> f64 {
     if is_metres { UNITS_OF_METRES } else { UNITS_OF_MILLIMETRES }
 }
 
-/// Reads the camera of the colour images; its units say nothing.
+/// Reads the camera of the colour images; its units mean nothing.
 pub(super) fn of_colour(
     chunks: &Chunks,
     spot: &Spot,

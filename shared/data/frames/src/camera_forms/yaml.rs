@@ -91,7 +91,7 @@ pub(super) fn parse(text: &str) -> Result<Option<StatedCamera>, String> {
 }
 
 /// `camera_matrix`, `image_width`, or a CameraInfo as `ros2 topic echo` prints it; of a rectified image the
-/// projection says the same in its file.
+/// projection has the same numbers.
 fn ros(keys: &Keys<'_>) -> Result<Option<StatedCamera>, String> {
     let is_echo = keys.text("camera_matrix").is_none();
     let [matrix, coefficients, width, height] = match is_echo {
